@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // gobo-ingest: parses one scene or environment file for gobod in a sandbox and writes a scene blob, with a socket on descriptor 3 and the
-// output on 4 (wire.h); it opens nothing itself. `gobo-ingest --nursery` forks such readers (nursery.h). docs/ingest.md has the whole story.
+// output on 4 (wire.h); it opens nothing itself. `gobo-ingest --nursery` forks such readers (nursery.h); `--bare` is one for probes, without
+// the codec of pictures. docs/ingest.md has the whole story.
 #include <dirent.h>
 #include <fcntl.h>
 #include <signal.h>
@@ -187,10 +188,10 @@ bool othersSleep() {
 /// Goes on in a process of one thread. Libraries start threads (log4cplus does, which OpenImageIO's plugins bring along), and a filter,
 /// capabilities and Landlock are a thread's own: those would stay outside of the sandbox, in the reader's memory, and no user namespace can
 /// be had. A fork leaves them behind. The first process reads nothing, waits, and ends as the second ended.
-void leaveThreadsBehind(bool ofReader) {
+void leaveThreadsBehind(bool ofReader, bool codec) {
   const rlimit none{0, 0};
   ::setrlimit(RLIMIT_CORE, &none);
-  prepareLibraries();
+  prepareLibraries(codec);
   if (ofReader) ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // a nursery outlives the thread that started it: it ends when its socket does
   // Or a lock that one of them holds now would be held for ever in the fork, and in each fork of that.
   for (int asleep = 0, looks = 0; asleep < 3 && looks < 200; ++looks, ::usleep(1000)) asleep = othersSleep() ? asleep + 1 : 0;
@@ -218,7 +219,7 @@ void leaveThreadsBehind(bool ofReader) {
 int main(int argc, char** argv) {
   using namespace gobo;
   if (argc == 3 && std::strcmp(argv[1], "--probe") == 0) {
-    ingest::leaveThreadsBehind(true);
+    ingest::leaveThreadsBehind(true, true);
     ingest::Layers layers;
     ingest::enterUserNamespace(layers);
     const Status locked = ingest::lockDown({ingest::Task::Probe, argv[2], 0, 0, 0, 4ull << 30, 1 << 20, 10}, layers);
@@ -230,12 +231,12 @@ int main(int argc, char** argv) {
   }
   int type = 0;
   socklen_t size = sizeof type;
-  const bool nursery = argc == 2 && std::strcmp(argv[1], "--nursery") == 0;
-  if ((argc != 1 && !nursery) || ::getsockopt(ingest::kSocket, SOL_SOCKET, SO_TYPE, &type, &size) != 0) {
+  const bool nursery = argc == 2 && std::strcmp(argv[1], "--nursery") == 0, bare = argc == 2 && std::strcmp(argv[1], "--bare") == 0;
+  if ((argc != 1 && !nursery && !bare) || ::getsockopt(ingest::kSocket, SOL_SOCKET, SO_TYPE, &type, &size) != 0) {
     std::fprintf(stderr, "gobo-ingest is started by gobod; on its own it only answers --probe NAME (what the sandbox does about NAME)\n");
     return 2;
   }
-  ingest::leaveThreadsBehind(!nursery);
+  ingest::leaveThreadsBehind(!nursery, !bare);
   if (nursery) ingest::tendReaders(ingest::kSocket);
   ingest::Layers layers;
   ingest::enterUserNamespace(layers);

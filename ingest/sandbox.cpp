@@ -121,8 +121,9 @@ int addRules(scmp_filter_ctx filter) {
 
 }  // namespace
 
-void prepareLibraries() {
+void prepareLibraries(bool withCodec) {
   Imf::setGlobalThreadCount(0);
+  if (!withCodec) return;
   if (const auto codec = imageCodec(); codec.ok()) (*codec)->useOneThread();  // now: nothing can be loaded later. If it cannot be, pictures will say so
 }
 

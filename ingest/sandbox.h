@@ -8,7 +8,8 @@
 namespace gobo::ingest {
 
 /// Library state that would start threads or open files later: OpenImageIO and OpenEXR use the calling thread only.
-void prepareLibraries();
+/// Loading the codec of pictures is nearly all that it takes; a reader without it can read none.
+void prepareLibraries(bool withCodec);
 
 /// Namespaces and Landlock as far as the machine has them (layers.h; `layers` says which); core files off, no new privileges, death
 /// with the parent, every descriptor but 0-4 closed; limits of the job (address

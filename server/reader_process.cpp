@@ -86,14 +86,15 @@ class SpawnedReader final : public ReaderProcess {
 
 class SpawnedReaders final : public Readers {
  public:
-  explicit SpawnedReaders(const std::string& program) : program_(program) {}
+  SpawnedReaders(const std::string& program, const char* argument) : program_(program), argument_(argument) {}
   Result<std::unique_ptr<ReaderProcess>> start(int socket, int output, const StopToken&) override {
-    GOBO_ASSIGN(const pid_t pid, spawn(program_, nullptr, socket, output));
+    GOBO_ASSIGN(const pid_t pid, spawn(program_, argument_, socket, output));
     return std::unique_ptr<ReaderProcess>(std::make_unique<SpawnedReader>(pid));
   }
 
  private:
   const std::string program_;
+  const char* const argument_;
 };
 
 /// The process that forks readers. It ends when its socket does.
@@ -211,6 +212,7 @@ class ForkedReaders final : public Readers {
     }
     return internalError("\"" + program_ + "\" does not start readers (ingest.program)");
   }
+  void prepare() override { (void)current(); }
   void crashed() override { drop(nullptr); }
 
  private:
@@ -239,7 +241,8 @@ constexpr bool kForks = true;
 
 }  // namespace
 
-std::shared_ptr<Readers> spawnedReaders(const std::string& program) { return std::make_shared<SpawnedReaders>(program); }
+std::shared_ptr<Readers> spawnedReaders(const std::string& program) { return std::make_shared<SpawnedReaders>(program, nullptr); }
+std::shared_ptr<Readers> bareReaders(const std::string& program) { return std::make_shared<SpawnedReaders>(program, "--bare"); }
 
 std::shared_ptr<Readers> forkedReaders(const std::string& program, double patience) {
   static std::mutex mutex;

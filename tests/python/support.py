@@ -28,7 +28,7 @@ class DaemonTest(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.mkdtemp(prefix="gobo-test-")
         cls.addClassCleanup(shutil.rmtree, cls.folder, ignore_errors=True)
-        cls.client = gobo.local(threads=2, timeout=120, **cls.options)
+        cls.client = gobo.local(**{"threads": 2, "timeout": 120, **cls.options})
         cls.addClassCleanup(cls.client.close)
 
     def path(self, *names):

@@ -118,6 +118,43 @@ TEST(IngestLayers, ScenesAndEnvironmentMapsAreReadBehindTheSame) {
   EXPECT_NE(joined(wrong.layers(60)).find("ingest.program"), std::string::npos) << joined(wrong.layers(60));
 }
 
+std::vector<int> children() {
+  std::vector<int> out;
+  for (const auto& task : fs::directory_iterator("/proc/self/task")) {
+    std::ifstream in(task.path() / "children");
+    for (int pid; in >> pid;) out.push_back(pid);
+  }
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+// A daemon that ends soon, or does other things first, does not pay for libraries of readers.
+TEST(IngestLayers, TheProbeLoadsNothingThatReadersNeedBeforeItsTime) {
+#if defined(__SANITIZE_ADDRESS__) || defined(GOBO_THREAD_SANITIZER)
+  GTEST_SKIP() << "readers are spawned under a sanitizer: nothing is prepared";
+#endif
+  const fs::path found = findIngestProgram();
+  const std::string program = (found.parent_path() / "." / found.filename()).string();  // by a name of its own: a nursery that no other test has
+  const auto readers = forkedReaders(program, 120);  // patience with a busy machine: one that is replaced would be another process
+  const auto before = children();
+  {
+    SandboxProbe later(program, 1e6);
+    EXPECT_TRUE(has(later.layers(60), "seccomp")) << joined(later.layers(0));
+    EXPECT_EQ(children(), before);
+  }
+  SandboxProbe now(program, 0);
+  EXPECT_TRUE(has(now.layers(60), "seccomp"));
+  for (int tries = 0; tries < 2000 && children().size() == before.size(); ++tries) ::usleep(10000);
+  const auto after = children();
+  EXPECT_EQ(after.size(), before.size() + 1);
+  const int out = ::memfd_create("layers", MFD_CLOEXEC);
+  EXPECT_TRUE(runIngest(*readers, {ingest::Task::Probe, "empty", 0, 0, 0, 256ull << 20, 1 << 20, 20}, out, 60, {}).ok());
+  ::close(out);
+  EXPECT_EQ(children(), after);
+  readers->crashed();  // it goes: other tests count processes
+  EXPECT_EQ(children(), before);
+}
+
 std::string parentOf(const std::string& process) {
   std::ifstream in("/proc/" + process + "/status");
   for (std::string word; in >> word;)
