@@ -2,6 +2,7 @@
 """What deploy/Containerfile promises: its command with its file and with another, environment variables over the file and below flags, a user, a health check,
 folders to write in; and its last stage run as a container: by bubblewrap, since what it is made from lies in a registry, with this machine's libraries in the base's
 place and, from what the build installs, the files that the stage copies."""
+import glob
 import json
 import os
 import pathlib
@@ -106,7 +107,7 @@ class Container(unittest.TestCase):
 
     # bubblewrap's words for the image: what the last stage copies, what it installs (curl, libraries, drivers' data), /etc of its own; all of it read-only.
     def words(self, installed, folder):
-        host = [w for place in ("/usr/lib/x86_64-linux-gnu", "/usr/lib64", "/usr/share", "/etc/alternatives", "/etc/ld.so.cache", "/etc/ssl") if os.path.exists(place)
+        host = [w for place in ("/usr/lib/x86_64-linux-gnu", "/usr/lib64", "/usr/share", "/etc/alternatives", "/etc/ld.so.cache", "/etc/ssl", *glob.glob("/usr/lib/lib*.so*")) if os.path.exists(place)
                 for w in ("--ro-bind", place, place)]
         mine = []
         for word, rest in self.steps:
@@ -140,6 +141,7 @@ class Container(unittest.TestCase):
         private_root.run(["cmake", "--install", private_root.BUILD, "--prefix", installed + "/usr", "--component", "gobo", "--strip"])
         (folder / "scenes").mkdir()
         gltf(folder / "scenes")
+        private_root.radiance(folder / "scenes/map.hdr")
         inner, outer = os.pipe()
         command = [*become, *self.words(installed, folder), "--info-fd", str(outer), *json.loads(self.step("ENTRYPOINT"))]
         container = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, pass_fds=[outer], env={}, cwd="/")
@@ -168,7 +170,7 @@ class Container(unittest.TestCase):
             self.assertEqual(within(*json.loads(self.step("HEALTHCHECK").split(" CMD ", 1)[1])).strip(), "ready")
             small = ["--size", "32x24", "--spp", "1"]
             within("gobo", "render", "cornell", "-o", "/tmp/box.exr", *small)
-            within("gobo", "render", "/srv/scenes/tri.gltf", "-o", "/tmp/tri.png", "--env", "/tmp/box.exr", *small)   # by the image's reader and codec
+            within("gobo", "render", "/srv/scenes/tri.gltf", "-o", "/tmp/tri.png", "--env", "/srv/scenes/map.hdr", *small)   # by the image's reader and codec
             self.assertTrue((inside / "root/tmp/tri.png").read_bytes().startswith(b"\x89PNG"))
             self.assertTrue(list((inside / "root/var/cache/gobo").iterdir()))
             within("gobo", "render", "cornell", "-o", "/usr/box.png", *small, code=2)

@@ -125,7 +125,7 @@ class Deb(unittest.TestCase):
             self.assertIn(b"ready on", daemon.stdout.readline())
             small = ["--size", "32x24", "--spp", "1"]
             run([at / "gobo", "render", "cornell", "-o", "box.exr", *small], cwd=self.folder, env=env)
-            run([at / "gobo", "render", scene, "-o", "tri.png", "--env", os.path.join(self.folder, "box.exr"), *small], cwd=self.folder, env=env)   # by its gobo-ingest, with its codec
+            run([at / "gobo", "render", scene, "-o", "tri.png", "--env", private_root.radiance(os.path.join(self.folder, "map.hdr")), *small], cwd=self.folder, env=env)   # by its gobo-ingest, with its codec
             self.assertTrue(pathlib.Path(self.folder, "tri.png").read_bytes().startswith(b"\x89PNG"))
             python = os.path.join(self.folder, "python")
             run(["dpkg-deb", "-x", self.packages["python3-gobo"], python])

@@ -40,3 +40,10 @@ def folder(case):
     case.addClassCleanup(path.cleanup)
     os.chmod(path.name, 0o755)
     return path.name
+
+
+def radiance(path):
+    """A white map in a format that only the module of picture formats reads (renderer/base/image_codec.h)."""
+    with open(path, "wb") as file:
+        file.write(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + bytes((128, 128, 128, 129)) * 8)
+    return path
