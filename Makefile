@@ -6,7 +6,7 @@ ENV ?=
 SHELL := /bin/bash
 CONFIGURE = cmake --preset release -B $(BUILD)
 
-.PHONY: all deps build check demo docs install test sanitize bench references lint format clean
+.PHONY: all deps build check demo deb docs install test sanitize bench references lint format clean
 
 all: build
 
@@ -53,6 +53,12 @@ docs: deps
 	@mkdir -p $(BUILD)/docs && PYTHONPATH=$(BUILD)/clients/python /usr/bin/python3 docs/api/fields.py > $(BUILD)/docs/protocol_fields.md
 	@API_OUT=$(BUILD)/docs API_FIELDS=$(BUILD)/docs/protocol_fields.md doxygen docs/api/Doxyfile
 	@echo "$(BUILD)/docs/html/index.html"
+
+# Debian packages (cmake/package.cmake; docs/operations.md) -> $(BUILD)/packages
+deb: build
+	@ninja -C $(BUILD) -j $(JOBS) gobo_texts
+	@cpack --config $(BUILD)/CPackConfig.cmake > $(BUILD)/packages.log 2>&1 || { cat $(BUILD)/packages.log; exit 1; }
+	@ls $(BUILD)/packages/*.deb
 
 references: build
 	@BUILD=$(BUILD) bench/references

@@ -335,6 +335,21 @@ void CommandLine::addRegress() {
   for (CLI::App* sub : {run, accept}) value(*sub, "case", regress_.cases, "CASE", "names; default all (accept: all that changed or are new)");
   value(*accept, "--by", regress_.by, "NAME", "who accepts")->required();
   value(*accept, "--why", regress_.why, "TEXT", "why: goes into the references' log")->required();
+
+  CLI::App* bisect = command(*regress, "bisect", "which commit of a git repository changed a case: exit 0 when it is found, 1 when several are left", [this] {
+    bisect_.json = json;
+    return runBisect(session, bisect_);
+  });
+  value(*bisect, "suite", bisect_.suite, "FILE", "suite, TOML (docs/regression.md)")->required();
+  value(*bisect, "case", bisect_.cases, "CASE", "names; default all");
+  value(*bisect, "--good", bisect_.good, "REVISION", "whose pictures are the accepted ones")->required();
+  value(*bisect, "--bad", bisect_.bad, "REVISION", "after it, whose pictures are not")->required();
+  value(*bisect, "--repo", bisect_.repository, "FOLDER", "git repository, which is only read; default the current folder");
+  value(*bisect, "--build", bisect_.build, "COMMAND", "shell command that builds a commit in its folder; default make build");
+  value(*bisect, "--program", bisect_.program, "PATH", "what the build makes of gobo, below that folder; default build/clients/gobo");
+  value(*bisect, "--work", bisect_.work, "FOLDER", "of builds and what was found so far; default one of the repository's below ~/.cache/gobo/bisect");
+  value(*bisect, "--limit", bisect_.limitSeconds, "SECONDS", "skip a commit whose build, or whose run, takes longer; default any time")
+      ->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
 }
 
 void CommandLine::addTools() {

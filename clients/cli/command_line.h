@@ -50,6 +50,7 @@ class CommandLine {
   EnvironmentCommand environment_;
   DemoCommand demo_;
   RegressCommand regress_;
+  BisectCommand bisect_;
   ViewCommand view_;
   CacheCommand cache_;
   JobSubmitCommand submit_;

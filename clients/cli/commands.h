@@ -113,6 +113,16 @@ struct RegressCommand {
 };
 int runRegress(const SessionOptions& session, RegressAct act, const RegressCommand& command);
 
+struct BisectCommand {
+  std::string suite, good, bad;    ///< good, bad: revisions
+  std::vector<std::string> cases;  ///< empty: all
+  std::string repository = ".", build = "make build", program = "build/clients/gobo";
+  std::string work;         ///< folder; empty: below the user's cache
+  double limitSeconds = 0;  ///< of a commit's build, and of its run; 0: any
+  bool json = false;
+};
+int runBisect(const SessionOptions& session, const BisectCommand& command);
+
 struct DemoCommand {
   std::string scene, out;  ///< out: folder for EXR and PNG of every step
   RequestOptions request;

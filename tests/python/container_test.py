@@ -1,15 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What deploy/Containerfile promises, as far as it can be tried without a container: its command with its file and with another, environment variables
-over the file and below flags, a user, a health check, folders to write in."""
+"""What deploy/Containerfile promises: its command with its file and with another, environment variables over the file and below flags, a user, a health check,
+folders to write in; and its last stage run as a container: by bubblewrap, since what it is made from lies in a registry, with this machine's libraries in the base's
+place and, from what the build installs, the files that the stage copies."""
+import glob
 import json
 import os
 import pathlib
 import re
 import shutil
+import signal
 import subprocess
 import tempfile
 import unittest
+import time
 import urllib.request
+
+import private_root
+from support import gltf
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 GOBOD = os.environ["GOBO_GOBOD"]
@@ -97,6 +104,95 @@ class Container(unittest.TestCase):
             self.assertTrue(any(place.startswith(v) for v in [*volumes, "/run/gobo"]), place)
         copied = [rest for word, rest in self.steps if word == "COPY"]
         self.assertTrue(any("deploy/container.toml" in c for c in copied))
+
+    # bubblewrap's words for the image: what the last stage copies, what it installs (curl, libraries, drivers' data), /etc of its own; all of it read-only.
+    def words(self, installed, folder):
+        host = [w for place in ("/usr/lib/x86_64-linux-gnu", "/usr/lib64", "/usr/share", "/etc/alternatives", "/etc/ld.so.cache", "/etc/ssl", *glob.glob("/usr/lib/lib*.so*")) if os.path.exists(place)
+                for w in ("--ro-bind", place, place)]
+        mine = []
+        for word, rest in self.steps:
+            if word == "COPY" and "/out/packages" not in rest:
+                *sources, target = [w for w in rest.split() if not w.startswith("--")]
+                for source in sources:
+                    place = target + os.path.basename(source) if target.endswith("/") else target
+                    mine += ["--ro-bind", installed + place if target.startswith("/usr/") else str(SOURCE / source), place]
+        user = self.step("USER")
+        (folder / "passwd").write_text(f"gobo:x:{user}:{user}::/var/lib/gobo:/usr/sbin/nologin\n", encoding="utf-8")
+        written = [w for place in ("/run/gobo", "/tmp", *json.loads(self.step("VOLUME"))) for w in ("--perms", "0700", "--tmpfs", place)]
+        env = [w for pair in self.step("ENV").split() for w in ("--setenv", *pair.split("=", 1))]
+        return ["bwrap", "--unshare-all", "--die-with-parent", "--as-pid-1", "--cap-drop", "ALL", "--uid", user, "--gid", user, *host, "--symlink", "usr/lib", "/lib", "--symlink", "usr/lib64", "/lib64",
+                "--ro-bind", "/usr/bin/curl", "/usr/bin/curl", *mine, "--ro-bind", str(folder / "passwd"), "/etc/passwd", "--ro-bind", str(folder / "scenes"), "/srv/scenes",
+                "--proc", "/proc", "--dev", "/dev", *written, "--remount-ro", "/", "--clearenv", "--setenv", "PATH", "/usr/bin", *env]
+
+    def test_the_last_stage_as_a_container(self):
+        private_root.need_build()
+        for tool in ("bwrap", "nsenter", "curl", "setpriv"):
+            if not shutil.which(tool):
+                private_root.missing_here(f"{tool} is not installed (deploy/install-deps)")
+        if os.geteuid() != 0:
+            private_root.missing_here("entering the container to ask it needs root's rights")
+        user = self.step("USER")
+        become = ["setpriv", "--reuid", user, "--regid", user, "--clear-groups"]   # really that user: nothing of root's is left to be given up
+        tried = subprocess.run([*become, "bwrap", "--unshare-all", "--ro-bind", "/", "/", "--proc", "/proc", "true"], capture_output=True, text=True, timeout=60, check=False)
+        if tried.returncode != 0:
+            private_root.missing_here(f"bubblewrap does not work here: {tried.stderr}")
+        folder = pathlib.Path(private_root.folder(type(self)))
+        installed = str(folder / "image")
+        private_root.run(["cmake", "--install", private_root.BUILD, "--prefix", installed + "/usr", "--component", "gobo", "--strip"])
+        (folder / "scenes").mkdir()
+        gltf(folder / "scenes")
+        private_root.radiance(folder / "scenes/map.hdr")
+        inner, outer = os.pipe()
+        command = [*become, *self.words(installed, folder), "--info-fd", str(outer), *json.loads(self.step("ENTRYPOINT"))]
+        container = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, pass_fds=[outer], env={}, cwd="/")
+        os.close(outer)
+        try:
+            with os.fdopen(inner, encoding="utf-8") as info:
+                line = container.stdout.readline()
+                self.assertIn("ready on unix:/run/gobo/gobo.sock, http://127.0.0.1:9464", line, None if line else container.stderr.read())
+                first = json.loads(info.read())["child-pid"]
+            inside = pathlib.Path(f"/proc/{first}")
+            enter = ["nsenter", "-t", str(first), "-m", "-n", "-p", "-i", "-u", "-S", user, "-G", user, "--wd=/"]   # as `podman exec`
+            env = dict(pair.split("=", 1) for pair in self.step("ENV").split())
+
+            def within(*words, code=0):
+                return private_root.run([*enter, *words], code=code, env={"PATH": "/usr/bin:/usr/sbin:/bin", **env})
+
+            status = dict(line.split(":\t", 1) for line in (inside / "status").read_text(encoding="utf-8").splitlines() if ":\t" in line)
+            self.assertEqual(set(status["Uid"].split() + status["Gid"].split()), {user})
+            self.assertEqual((int(status["CapEff"], 16), int(status["CapBnd"], 16), status["NoNewPrivs"], status["NSpid"].split()[-1]), (0, 0, "1", "1"))
+            links = [line.split(":")[0].strip() for line in (inside / "net/dev").read_text(encoding="utf-8").splitlines()[2:]]
+            self.assertEqual(links, ["lo"])
+            mounts = {line.split()[1]: line.split()[3].split(",")[0] for line in (inside / "mounts").read_text(encoding="utf-8").splitlines()}
+            writable = {place for place, how in mounts.items() if how == "rw" and not place.startswith(("/proc", "/dev"))}
+            self.assertEqual(writable, {"/run/gobo", "/tmp", *json.loads(self.step("VOLUME"))})
+
+            self.assertEqual(within(*json.loads(self.step("HEALTHCHECK").split(" CMD ", 1)[1])).strip(), "ready")
+            small = ["--size", "32x24", "--spp", "1"]
+            within("gobo", "render", "cornell", "-o", "/tmp/box.exr", *small)
+            within("gobo", "render", "/srv/scenes/tri.gltf", "-o", "/tmp/tri.png", "--env", "/srv/scenes/map.hdr", *small)   # by the image's reader and codec
+            self.assertTrue((inside / "root/tmp/tri.png").read_bytes().startswith(b"\x89PNG"))
+            self.assertTrue(list((inside / "root/var/cache/gobo").iterdir()))
+            within("gobo", "render", "cornell", "-o", "/usr/box.png", *small, code=2)
+            self.assertFalse((inside / "root/usr/box.png").exists())
+
+            # SIGTERM: what runs is finished, then process 1 leaves with 0 and the container with it.
+            render = subprocess.Popen([*enter, "gobo", "render", "cornell", "-o", "/tmp/last.png", "--size", "160x120", "--spp", "128"], env={"PATH": "/usr/bin:/usr/sbin:/bin", **env},
+                                      stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+            deadline = time.monotonic() + 60
+            while "gobo_renders_running{class=\"normal\"} 1" not in within("curl", "-fsS", "http://127.0.0.1:9464/metrics") and time.monotonic() < deadline and render.poll() is None:
+                time.sleep(0.02)
+            self.assertIsNone(render.poll())
+            os.kill(first, signal.SIGTERM)
+            _, log = container.communicate(timeout=60)
+            self.assertEqual(container.returncode, 0, log)
+            render.communicate(timeout=60)
+            events = [json.loads(line) for line in log.splitlines()]   # [log] format
+            done = [e for e in events if e["event"] == "render" and e.get("size") == "160x120"]
+            self.assertEqual([e["status"] for e in done], ["OK"], log)
+        finally:
+            container.kill()
+            container.communicate()
 
 
 if __name__ == "__main__":
