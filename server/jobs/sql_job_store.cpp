@@ -260,7 +260,7 @@ Result<JobRecord> SqlJobStore::changes(int64_t id, uint64_t revision) {
   JobRecord record;
   GOBO_TRY(look([&]() -> Status {
     GOBO_ASSIGN(record, readJob(id));
-    return record.revision > revision ? readFrames(id, revision, record.job) : Status();
+    return readFrames(id, revision, record.job);  // even where the revision is the same: one that stands still has not seen all
   }));
   record.job.clear_spec();
   return record;

@@ -22,8 +22,6 @@ struct Clock : test::StoreFixture {
     setLogLevel(LogLevel::Off);
     time = 1.7e9;
     options.uptime = [this] { return up; };
-using EachClock = test::OnEachStore<Clock>;
-INSTANTIATE_TEST_SUITE_P(Stores, EachClock, test::kBothStores, test::storeName);
     options.boot = "first";
     StoreFixture::SetUp();
   }
@@ -40,6 +38,8 @@ INSTANTIATE_TEST_SUITE_P(Stores, EachClock, test::kBothStores, test::storeName);
   }
   size_t expired(double keepDays) { return store->expireResults(1 << 30, keepDays * kDay)->size(); }
 };
+using EachClock = test::OnEachStore<Clock>;
+INSTANTIATE_TEST_SUITE_P(Stores, EachClock, test::kBothStores, test::storeName);
 
 TEST_P(EachClock, AJumpEndsNoLeaseOfALivingHolder) {
   for (const double jump : {kTenYears, -kTenYears, -kTenYears, kTenYears}) {

@@ -25,7 +25,8 @@ struct PostgresStore : test::StoreFixture {
   static std::string sql(const std::string& text) {
     Postgres db(test::postgresServer().uri(), 5);
     EXPECT_TRUE(db.connect().ok());
-    const auto value = db.exec("SET client_min_messages = error; " + text);
+    EXPECT_TRUE(db.exec("SET client_min_messages = error").ok());
+    const auto value = db.exec(text);
     EXPECT_TRUE(value.ok()) << value.status().toString();
     return value.ok() ? *value : "";
   }
@@ -454,7 +455,9 @@ TEST(PostgresUri, IsCheckedAndNamesNoSecret) {
     ServerConfig config;
     config.jobsFolder = "/tmp/x";
     config.jobsStore = bad;
-    if (*bad) EXPECT_NE(checkConfig(config).message().find("jobs.store"), std::string::npos);
+    if (*bad) {
+      EXPECT_NE(checkConfig(config).message().find("jobs.store"), std::string::npos);
+    }
     EXPECT_EQ(checkConfig(config).toString().find("hunter2"), std::string::npos);
   }
   ServerConfig config;
