@@ -99,14 +99,15 @@ TEST_F(PostgresStore, EachFrameGoesToOneOfManyConnections) {
   EXPECT_EQ(*store->integrity(), "ok");
 }
 
-/// Stands still before COMMIT until it is let go.
+/// Stands still before a statement, COMMIT if nothing else is named, until it is let go.
 struct Gate {
+  std::string at = "COMMIT";
   std::mutex mutex;
   std::condition_variable wake;
   bool armed = false, reached = false, open = false;
   Status step(const char* text) {
     std::unique_lock lock(mutex);
-    if (!armed || std::string(text) != "COMMIT") return {};
+    if (!armed || std::string(text).rfind(at, 0) != 0) return {};
     armed = false;
     reached = true;
     wake.notify_all();
@@ -165,6 +166,41 @@ TEST_F(PostgresStore, TwoCompletionsAtOnceEndTheJob) {
   other.join();
   EXPECT_EQ(get(id).state(), v1::Job::DONE);
   EXPECT_EQ(get(id).frames_done(), 2u);
+}
+
+TEST_F(PostgresStore, AJobIsNotIdleWhileAClaimOfItIsCommitted) {
+  const int64_t id = submit(makeJob(3));
+  const auto a = claim();
+  Gate gate;
+  options.step = [&](const char* text) { return gate.step(text); };
+  const auto slow = second();
+  gate.armed = true;
+  std::thread late([&] { EXPECT_TRUE(slow->claim("slow", 30).ok()); });
+  gate.await();
+  std::thread other([&] { EXPECT_TRUE(store->release(*a).ok()); });  // no frame runs but the one that is being claimed
+  std::this_thread::sleep_for(std::chrono::milliseconds(150));
+  gate.let();
+  late.join();
+  other.join();
+  EXPECT_EQ(get(id).state(), v1::Job::RUNNING);
+  EXPECT_EQ(*store->integrity(), "ok");
+}
+
+TEST_F(PostgresStore, APauseThatMeetsTheFirstClaimIsKept) {
+  const int64_t id = submit(makeJob(2));
+  Gate gate;
+  gate.at = "SELECT idx, frame, progress FROM task";
+  options.step = [&](const char* text) { return gate.step(text); };
+  const auto slow = second();
+  gate.armed = true;
+  std::thread late([&] { EXPECT_TRUE(slow->claim("slow", 30).ok()); });
+  gate.await();
+  std::thread other([&] { EXPECT_TRUE(store->pause(id).ok()); });
+  std::this_thread::sleep_for(std::chrono::milliseconds(150));
+  gate.let();
+  late.join();
+  other.join();
+  EXPECT_EQ(get(id).state(), v1::Job::PAUSED);
 }
 
 TEST_F(PostgresStore, AReportThatMeetsTheEndOfItsLeaseIsRefused) {
