@@ -76,7 +76,8 @@ Status checkPostgresUri(const std::string& uri) {
   GOBO_TRY(status);
   for (const char* secret : {"password", "sslpassword"})
     if (options.count(secret))
-      return invalidArgument(std::string("has a ") + secret + ", and configurations are read by many: put it into the file that PGPASSFILE names, of mode 0600");
+      return invalidArgument(std::string("has a ") + secret +
+                             ", and configurations are read by many: put it into the file that PGPASSFILE names, of mode 0600");
   return {};
 }
 
@@ -118,8 +119,9 @@ Status Postgres::connect() {
   const std::string wait = std::to_string(std::max(1, int(waitSeconds_)));
   // What stands before "dbname" are defaults, which the URI changes; what stands behind is ours. A peer that has gone without a word is
   // noticed by keepalives and by what is not acknowledged.
-  const char* keys[] = {"application_name", "connect_timeout", "tcp_user_timeout", "keepalives_idle", "keepalives_interval", "keepalives_count",
-                        "dbname",           "client_encoding", nullptr};
+  const char* keys[] = {"application_name", "connect_timeout",     "tcp_user_timeout",
+                        "keepalives_idle",  "keepalives_interval", "keepalives_count",
+                        "dbname",           "client_encoding",     nullptr};
   const char* values[] = {"gobod", wait.c_str(), "10000", "10", "3", "3", uri_.c_str(), "UTF8", nullptr};
   connection_ = PQconnectdbParams(keys, values, 1);
   if (!connection_) return refuse(Code::ResourceExhausted, "no memory for a connection");
@@ -135,7 +137,9 @@ Status Postgres::connect() {
   const std::string setup =
       "SET search_path = gobo; SET enable_seqscan = off; SET enable_hashjoin = off; SET enable_mergejoin = off; SET enable_bitmapscan = off;"
       "SET jit = off; SET bytea_output = 'hex'; SET extra_float_digits = 1; SET idle_in_transaction_session_timeout = '30s'; SET statement_timeout = '60s';"
-      "SET lock_timeout = '" + std::to_string(int(waitSeconds_ * 1e3)) + "ms';"
+      "SET lock_timeout = '" +
+      std::to_string(int(waitSeconds_ * 1e3)) +
+      "ms';"
       "SELECT set_config('synchronous_commit', 'on', false) WHERE current_setting('synchronous_commit') = 'off'";
   const PostgresResult result(PQexec(connection_, setup.c_str()));
   if (PQresultStatus(result.get()) != PGRES_TUPLES_OK) return refuse(Code::Unavailable, oneLine(PQerrorMessage(connection_)));

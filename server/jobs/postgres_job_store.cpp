@@ -24,9 +24,8 @@ Result<int> postgresStoreVersion(Postgres& db) {
   if (tables == "0") return 0;
   GOBO_ASSIGN(const std::string ours, db.exec("SELECT count(*) FROM pg_tables WHERE schemaname = 'gobo' AND tablename IN ('job', 'task', 'counter', 'store')"));
   if (ours != "4") return Status(Code::FailedPrecondition, "has a schema gobo that is no job store", db.name());
-  GOBO_ASSIGN(const std::string allowed,
-              db.exec("SELECT bool_and(has_table_privilege(quote_ident(schemaname) || '.' || quote_ident(tablename), r))"
-                      " FROM pg_tables, unnest(ARRAY['SELECT', 'INSERT', 'UPDATE', 'DELETE']) r WHERE schemaname = 'gobo'"));
+  GOBO_ASSIGN(const std::string allowed, db.exec("SELECT bool_and(has_table_privilege(quote_ident(schemaname) || '.' || quote_ident(tablename), r))"
+                                                 " FROM pg_tables, unnest(ARRAY['SELECT', 'INSERT', 'UPDATE', 'DELETE']) r WHERE schemaname = 'gobo'"));
   if (allowed != "t") return Status(Code::PermissionDenied, "this user may not write the tables of schema gobo", db.name());
   GOBO_ASSIGN(const std::string text, db.exec("SELECT version FROM store"));
   const int version = std::atoi(text.c_str());
@@ -56,7 +55,7 @@ Status PostgresJobStore::check(const std::string& uri) {
   GOBO_ASSIGN(const int version, postgresStoreVersion(db));
   if (version) return {};
   GOBO_ASSIGN(const std::string allowed, db.exec("SELECT coalesce((SELECT has_schema_privilege(oid, 'CREATE') FROM pg_namespace WHERE nspname = 'gobo'),"
-                                                  " has_database_privilege(current_database(), 'CREATE'))"));
+                                                 " has_database_privilege(current_database(), 'CREATE'))"));
   if (allowed != "t") return {Code::PermissionDenied, "has no job store yet, and this user may not make its schema (GRANT CREATE ON DATABASE)", db.name()};
   return {};
 }
@@ -76,10 +75,12 @@ Status PostgresJobStore::migrate() {
     }
     // Transaction numbers begin again in a database that was dumped and restored; revisions go on.
     return db_
-        .exec("UPDATE counter SET value = value + ahead FROM (SELECT coalesce(max(t.revision), 0) + 1 - pg_snapshot_xmin(pg_current_snapshot())::text::bigint"
-              " - (SELECT value FROM counter WHERE name = 'revision') AS ahead,"
-              " coalesce(max(t.revision), 0) - pg_snapshot_xmax(pg_current_snapshot())::text::bigint - (SELECT value FROM counter WHERE name = 'revision') AS over"
-              " FROM task t) a WHERE name = 'revision' AND a.over >= 0")
+        .exec(
+            "UPDATE counter SET value = value + ahead FROM (SELECT coalesce(max(t.revision), 0) + 1 - pg_snapshot_xmin(pg_current_snapshot())::text::bigint"
+            " - (SELECT value FROM counter WHERE name = 'revision') AS ahead,"
+            " coalesce(max(t.revision), 0) - pg_snapshot_xmax(pg_current_snapshot())::text::bigint - (SELECT value FROM counter WHERE name = 'revision') AS "
+            "over"
+            " FROM task t) a WHERE name = 'revision' AND a.over >= 0")
         .status();
   };
   const Status status = make();
@@ -201,8 +202,7 @@ Status PostgresJobStore::firstReady(const std::string& client, std::optional<Lea
     GOBO_TRY(q.status());
     if (found != v1::Job::RUNNING && !(whole && found == v1::Job::QUEUED)) return again;  // it was steered, or went idle: look anew
   }
-  SqlQuery q(db_,
-             "SELECT idx, frame, progress FROM task WHERE job = ?1 AND state = 1 AND ready <= ?2 ORDER BY idx LIMIT 1 FOR UPDATE SKIP LOCKED");
+  SqlQuery q(db_, "SELECT idx, frame, progress FROM task WHERE job = ?1 AND state = 1 AND ready <= ?2 ORDER BY idx LIMIT 1 FOR UPDATE SKIP LOCKED");
   q.bind(job).bind(uptime());
   while (q.next()) {
     lease.emplace();

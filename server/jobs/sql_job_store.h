@@ -17,14 +17,14 @@
 namespace gobo {
 
 struct JobStoreOptions {
-  std::function<double()> now;     ///< seconds since 1970; the system clock (PostgreSQL: the database's) if empty
-  std::function<double()> uptime;  ///< seconds since the machine started, the same in all processes; if empty: `now` where that is given, else the system's
-  std::string boot;                ///< names the start of the machine that `uptime` counts from; the system's if empty. SQLite only
-  bool create = true;              ///< a store that is missing or empty is made
-  double busySeconds = 5;          ///< wait for what other processes hold
-  double retrySeconds = 1;         ///< wait before the second attempt; doubles, at most a minute
-  uint32_t maxLosses = 25;         ///< leases lost in a row without a checkpoint: a frame that kills its worker each time
-  uint64_t maxActiveTasks = 1000000;            ///< of jobs that are not over; more: ResourceExhausted
+  std::function<double()> now;        ///< seconds since 1970; the system clock (PostgreSQL: the database's) if empty
+  std::function<double()> uptime;     ///< seconds since the machine started, the same in all processes; if empty: `now` where that is given, else the system's
+  std::string boot;                   ///< names the start of the machine that `uptime` counts from; the system's if empty. SQLite only
+  bool create = true;                 ///< a store that is missing or empty is made
+  double busySeconds = 5;             ///< wait for what other processes hold
+  double retrySeconds = 1;            ///< wait before the second attempt; doubles, at most a minute
+  uint32_t maxLosses = 25;            ///< leases lost in a row without a checkpoint: a frame that kills its worker each time
+  uint64_t maxActiveTasks = 1000000;  ///< of jobs that are not over; more: ResourceExhausted
   std::function<Status(const char* sql)> step;  ///< see Sqlite::step, Postgres::step
 };
 

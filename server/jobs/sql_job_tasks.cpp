@@ -302,8 +302,7 @@ Status SqlJobStore::idle(int64_t job, uint64_t revision) {
 }
 
 Result<std::vector<int64_t>> SqlJobStore::jobsWithEnds(double before, double deadlines) {
-  Query q(db(),
-          "SELECT job FROM task WHERE state = 2 AND expires <= ?1 UNION SELECT id FROM job WHERE state IN (1, 2, 3) AND deadline <= ?2 ORDER BY 1");
+  Query q(db(), "SELECT job FROM task WHERE state = 2 AND expires <= ?1 UNION SELECT id FROM job WHERE state IN (1, 2, 3) AND deadline <= ?2 ORDER BY 1");
   q.bind(before).bind(deadlines);
   std::vector<int64_t> jobs;
   while (q.next()) jobs.push_back(q.integer(0));
@@ -446,7 +445,9 @@ Result<std::vector<std::string>> SqlJobStore::texts(const char* sql, int64_t id)
   return out;
 }
 
-Result<std::vector<std::string>> SqlJobStore::neededCheckpoints() { return texts("SELECT job || '-' || idx || '-' || digest FROM checkpoint ORDER BY job, idx, recipe"); }
+Result<std::vector<std::string>> SqlJobStore::neededCheckpoints() {
+  return texts("SELECT job || '-' || idx || '-' || digest FROM checkpoint ORDER BY job, idx, recipe");
+}
 Result<std::vector<std::string>> SqlJobStore::neededResults(int64_t id) { return texts("SELECT sha256 FROM file WHERE job = ?1", id); }
 Result<std::vector<std::string>> SqlJobStore::neededScenes() {
   return texts(

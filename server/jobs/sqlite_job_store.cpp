@@ -98,9 +98,10 @@ Status SqliteJobStore::migrate() {
     GOBO_ASSIGN(const std::string tables, db_.value("SELECT count(*) FROM sqlite_schema"));
     GOBO_ASSIGN(const std::string ours, db_.value("SELECT count(*) FROM sqlite_schema WHERE name IN ('job', 'task', 'counter')"));
     if (version > kSqliteVersion)
-      return {Code::FailedPrecondition,
-              strf("job store has schema version %d, this build reads versions 1 to %d: start the newer release, or move the folder away", version, kSqliteVersion),
-              path_};
+      return {
+          Code::FailedPrecondition,
+          strf("job store has schema version %d, this build reads versions 1 to %d: start the newer release, or move the folder away", version, kSqliteVersion),
+          path_};
     if (tables != "0" && (ours != "3" || version < 1)) return {Code::FailedPrecondition, "is a database, but no job store", path_};
     if (version == kSqliteVersion && tables != "0") return {};
     if (version == 1 && tables != "0") return db_.exec(kVersion2);

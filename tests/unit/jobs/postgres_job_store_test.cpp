@@ -293,7 +293,8 @@ TEST_F(PostgresStore, ManyHandsLeaveCountsRightAndNoDeadlock) {
 TEST_F(PostgresStore, LeasesFollowTheServersClockNotTheWorkers) {
   submit(makeJob());
   const auto clock = [](const std::string& ahead) {
-    sql("CREATE OR REPLACE FUNCTION gobo.seconds() RETURNS double precision LANGUAGE sql AS 'SELECT extract(epoch FROM clock_timestamp())::double precision + " +
+    sql("CREATE OR REPLACE FUNCTION gobo.seconds() RETURNS double precision LANGUAGE sql AS 'SELECT extract(epoch FROM clock_timestamp())::double precision "
+        "+ " +
         ahead + "'");
   };
   clock("1e6");
@@ -491,9 +492,7 @@ TEST(PostgresUri, IsCheckedAndNamesNoSecret) {
     ServerConfig config;
     config.jobsFolder = "/tmp/x";
     config.jobsStore = bad;
-    if (*bad) {
-      EXPECT_NE(checkConfig(config).message().find("jobs.store"), std::string::npos);
-    }
+    if (*bad) { EXPECT_NE(checkConfig(config).message().find("jobs.store"), std::string::npos); }
     EXPECT_EQ(checkConfig(config).toString().find("hunter2"), std::string::npos);
   }
   ServerConfig config;
