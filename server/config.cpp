@@ -15,6 +15,7 @@
 #include <toml++/toml.h>
 
 #include "server/config_check.h"
+#include "server/jobs/postgres.h"
 #include "server/load_gate.h"
 #include "server/machine_memory.h"
 
@@ -226,6 +227,7 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"scheduler.pinned_bytes", bytes(c.pinnedBytes)},
       {"scheduler.drain_s", number(c.drainSeconds, 0, 86400)},
       {"jobs.folder", text(c.jobsFolder, folder)},
+      {"jobs.store", text(c.jobsStore)},
       {"jobs.workers", integer(c.jobsWorkers, 1, 64)},
       {"jobs.lease_s", number(c.jobsLeaseSeconds, 1, 86400)},
       {"jobs.checkpoint_s", number(c.jobsCheckpointSeconds, 0.05, 86400)},
@@ -378,6 +380,10 @@ Status checkConfig(ServerConfig& c) {
   if (c.ingestVerify != "changed" && c.ingestVerify != "always")
     return invalidArgument("ingest.verify = \"" + escaped(c.ingestVerify) + "\": must be \"changed\" or \"always\"");
   for (const std::string& text : c.listen) GOBO_TRY(parseAddress(text).status());
+  if (!c.jobsStore.empty()) {
+    if (const Status uri = checkPostgresUri(c.jobsStore); !uri.ok()) return invalidArgument("jobs.store " + uri.message());  // never with the value
+    if (c.jobsFolder.empty()) return invalidArgument("jobs.store is set, but not jobs.folder, which has the results and which the daemons share");
+  }
   if (c.ingestCacheFolder.empty() && !c.cacheFolder.empty()) c.ingestCacheFolder = c.cacheFolder + "/ingest";
   if (c.blobsFolder.empty() && !c.cacheFolder.empty()) c.blobsFolder = c.cacheFolder + "/blobs";
   for (const std::string& root : c.roots) {

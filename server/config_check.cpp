@@ -98,6 +98,7 @@ std::vector<std::string> fixedKeysThatDiffer(const ServerConfig& a, const Server
   differ("engine.accel_bytes", a.accelBytes != b.accelBytes);
   differ("blobs.folder", a.blobsFolder != b.blobsFolder);
   differ("blobs.bytes", a.blobsBytes != b.blobsBytes);
+  differ("jobs.store", a.jobsStore != b.jobsStore);
   differ("limits.request_bytes", a.requestBytes != b.requestBytes);
   differ("limits.connections", a.connections != b.connections);
   differ("limits.connections_per_peer", a.connectionsPerPeer != b.connectionsPerPeer);

@@ -18,6 +18,7 @@
 #include <CLI/CLI.hpp>
 
 #include "server/freed_memory.h"
+#include "server/jobs/postgres_job_store.h"
 #include "server/notify.h"
 #include "server/server.h"
 #include "server/upload.h"
@@ -28,7 +29,7 @@ constexpr double kGraceSeconds = 1.5;  // after the drain: what does not stop by
 
 /// What the command line and, below it, the environment say over the file, at the start and at every reload.
 struct Flags {
-  std::string configFile, cache, logLevel, logFormat, tmp, store, http, web;
+  std::string configFile, cache, logLevel, logFormat, tmp, store, http, web, jobsStore;
   std::vector<std::string> listen, roots;
   int threads = -1;
 };
@@ -54,6 +55,7 @@ gobo::Result<gobo::ServerConfig> configure(const Flags& f) {
   if (!f.tmp.empty()) config.tmpFolder = f.tmp;
   if (!f.http.empty()) config.httpListen = f.http;
   if (!f.web.empty()) config.webListen = f.web;
+  if (!f.jobsStore.empty()) config.jobsStore = f.jobsStore;
   if (!f.store.empty()) {
     const auto bytes = gobo::parseBytes(f.store);
     if (!bytes.ok()) return bytes.status().at("--store");
@@ -104,11 +106,13 @@ int main(int argc, char** argv) {
   app.add_option("--http", flags.http, "HOST:PORT of /metrics, /health and /ready")->envname("GOBO_HTTP");
   app.add_option("--web", flags.web, "HOST:PORT of the viewer in a browser and of calls over HTTP")->envname("GOBO_WEB");
   app.add_option("--tmp", flags.tmp, "folder for uploads")->envname("GOBO_TMP");
+  app.add_option("--jobs-store", flags.jobsStore, "postgresql://... of the queue that several daemons share (jobs.store)")->envname("GOBO_JOBS_STORE");
   app.add_flag("--check", check, "check the configuration and leave");
   app.add_flag("--version", version, "print the version");
   app.footer(
       "Flags override the environment, which overrides the configuration file: GOBO_LISTEN and GOBO_ROOT (several with commas\n"
-      "between them), GOBO_CONFIG, GOBO_CACHE, GOBO_STORE, GOBO_THREADS, GOBO_LOG, GOBO_LOG_FORMAT, GOBO_HTTP, GOBO_WEB, GOBO_TMP.\n"
+      "between them), GOBO_CONFIG, GOBO_CACHE, GOBO_STORE, GOBO_THREADS, GOBO_LOG, GOBO_LOG_FORMAT, GOBO_HTTP, GOBO_WEB, GOBO_TMP,\n"
+      "GOBO_JOBS_STORE.\n"
       "SIGTERM and SIGINT drain: running renders finish (scheduler.drain_s), a\n"
       "second signal ends at once. SIGHUP reads the configuration again. Exit codes: 0 ok, 2 bad configuration, 4 address in use.");
   try {
@@ -126,6 +130,9 @@ int main(int argc, char** argv) {
   if (check) {
     if (config.tls.on())
       if (const auto tls = gobo::readTls(config.tls); !tls.ok()) return fail(tls.status());
+    if (!config.jobsStore.empty())
+      if (const gobo::Status store = gobo::PostgresJobStore::check(config.jobsStore); !store.ok())
+        return fail({store.code(), "jobs.store: " + store.message(), store.location()});
     std::printf("gobod: configuration is fine\n");
     return 0;
   }

@@ -23,8 +23,14 @@ Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunne
   self->keepSeconds_ = config.jobsKeepDays * 86400;
   bool alone = false;
   GOBO_TRY(self->files_.open(config.jobsFolder, alone));
-  GOBO_ASSIGN(self->store_, openStore(self->files_));
-  if (alone) {
+  const bool farm = !config.jobsStore.empty();
+  if (farm) {
+    GOBO_ASSIGN(self->store_, openPostgresStore(self->files_, config.jobsStore));
+  } else {
+    GOBO_ASSIGN(self->store_, openStore(self->files_));
+  }
+  // Of a farm nobody knows to be alone: daemons of other machines may not be seen in the folder's lock. Leases of dead ones run out.
+  if (alone && !farm) {
     // Whoever held leases is dead: its frames are taken up at once, not when their leases run out.
     GOBO_ASSIGN(const uint64_t ended, self->store_->endAllLeases());
     if (ended) logInfo("jobs: %llu frames of a killed daemon go on", (unsigned long long)ended);
@@ -54,6 +60,7 @@ Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunne
   options.marks = self->marks_.get();
   options.holder = std::to_string(::getpid()) + "-" + std::to_string(random());
   self->worker_ = std::make_unique<JobWorker>(engine, runner, *self->store_, self->files_, *self->scenes_, self->hub_, options);
+  if (farm) self->news_ = std::make_unique<JobNews>(config.jobsStore, [hub = &self->hub_](bool steered) { steered ? hub->steered() : hub->changed(); });
   self->mind();  // leases of a daemon that is gone, at once
   self->minder_.start(std::chrono::seconds(1), [s = self.get()] { s->mind(); });
   return self;
@@ -63,6 +70,7 @@ void DurableJobs::stop() {
   if (!worker_) return;
   worker_->stop();
   minder_.stop();
+  news_.reset();
 }
 
 void DurableJobs::mind() {

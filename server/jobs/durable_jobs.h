@@ -6,8 +6,9 @@
 #include <memory>
 
 #include "server/config.h"
+#include "server/jobs/job_news.h"
+#include "server/jobs/job_store.h"
 #include "server/jobs/job_worker.h"
-#include "server/jobs/sqlite_job_store.h"
 #include "server/repeating.h"
 
 namespace gobo {
@@ -38,8 +39,9 @@ class DurableJobs {
   double keepSeconds_ = 0;
   Engine* engine_ = nullptr;
   JobFiles files_;
-  std::unique_ptr<SqliteJobStore> store_;
+  std::unique_ptr<JobStore> store_;
   JobHub hub_;
+  std::unique_ptr<JobNews> news_;  // of other daemons
   std::unique_ptr<JobScenes> scenes_;
   std::unique_ptr<CrashMarks> marks_;
   std::unique_ptr<JobWorker> worker_;

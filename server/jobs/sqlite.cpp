@@ -71,9 +71,6 @@ Result<std::string> Sqlite::value(const std::string& sql) {
   return text;
 }
 
-int64_t Sqlite::changed() const { return sqlite3_changes(db_); }
-int64_t Sqlite::lastId() const { return sqlite3_last_insert_rowid(db_); }
-
 sqlite3_stmt* Sqlite::prepare(const char* sql, Status& status) {
   sqlite3_stmt*& s = statements_[sql];
   if (!s) {
@@ -83,52 +80,55 @@ sqlite3_stmt* Sqlite::prepare(const char* sql, Status& status) {
   return s;
 }
 
-Sqlite::Query::Query(Sqlite& db, const char* sql) : db_(db), sql_(sql) { s_ = db.prepare(sql, status_); }
+class Sqlite::Use final : public SqlStatement {
+ public:
+  Use(Sqlite& db, const char* sql) : db_(db), sql_(sql) { s_ = db.prepare(sql, status_); }
+  ~Use() override {
+    if (!s_) return;
+    sqlite3_reset(s_);
+    sqlite3_clear_bindings(s_);
+  }
+  Use(const Use&) = delete;
+  Use& operator=(const Use&) = delete;
+  void bind(int64_t v) override {
+    if (s_) sqlite3_bind_int64(s_, ++bound_, v);
+  }
+  void bind(double v) override {
+    if (s_) sqlite3_bind_double(s_, ++bound_, v);
+  }
+  void bind(const std::string& t) override {
+    if (s_) sqlite3_bind_text(s_, ++bound_, t.data(), int(t.size()), SQLITE_TRANSIENT);
+  }
+  void blob(const std::string& b) override {
+    if (s_) sqlite3_bind_blob(s_, ++bound_, b.data(), int(b.size()), SQLITE_TRANSIENT);
+  }
+  bool next() override {
+    if (!s_ || !status_.ok()) return false;
+    if (!begun_ && db_.step) status_ = db_.step(sql_);
+    begun_ = true;
+    if (!status_.ok()) return false;
+    const int code = sqlite3_step(s_);
+    if (code == SQLITE_ROW) return true;
+    if (code != SQLITE_DONE) status_ = db_.error(code);
+    return false;
+  }
+  const Status& status() const override { return status_; }
+  int64_t integer(int column) const override { return sqlite3_column_int64(s_, column); }
+  double real(int column) const override { return sqlite3_column_double(s_, column); }
+  std::string text(int column) const override {
+    const auto* bytes = static_cast<const char*>(sqlite3_column_blob(s_, column));
+    return bytes ? std::string(bytes, size_t(sqlite3_column_bytes(s_, column))) : std::string();
+  }
 
-Sqlite::Query::~Query() {
-  if (!s_) return;
-  sqlite3_reset(s_);
-  sqlite3_clear_bindings(s_);
-}
+ private:
+  Sqlite& db_;
+  const char* sql_;
+  sqlite3_stmt* s_ = nullptr;
+  int bound_ = 0;
+  bool begun_ = false;
+  Status status_;
+};
 
-Sqlite::Query& Sqlite::Query::bind(int64_t v) {
-  if (s_) sqlite3_bind_int64(s_, ++bound_, v);
-  return *this;
-}
-Sqlite::Query& Sqlite::Query::bind(double v) {
-  if (s_) sqlite3_bind_double(s_, ++bound_, v);
-  return *this;
-}
-Sqlite::Query& Sqlite::Query::bind(const std::string& t) {
-  if (s_) sqlite3_bind_text(s_, ++bound_, t.data(), int(t.size()), SQLITE_TRANSIENT);
-  return *this;
-}
-Sqlite::Query& Sqlite::Query::blob(const std::string& b) {
-  if (s_) sqlite3_bind_blob(s_, ++bound_, b.data(), int(b.size()), SQLITE_TRANSIENT);
-  return *this;
-}
-
-bool Sqlite::Query::next() {
-  if (!s_ || !status_.ok()) return false;
-  if (!begun_ && db_.step) status_ = db_.step(sql_);
-  begun_ = true;
-  if (!status_.ok()) return false;
-  const int code = sqlite3_step(s_);
-  if (code == SQLITE_ROW) return true;
-  if (code != SQLITE_DONE) status_ = db_.error(code);
-  return false;
-}
-
-Status Sqlite::Query::run() {
-  while (next()) {}
-  return status_;
-}
-
-int64_t Sqlite::Query::integer(int column) const { return sqlite3_column_int64(s_, column); }
-double Sqlite::Query::real(int column) const { return sqlite3_column_double(s_, column); }
-std::string Sqlite::Query::text(int column) const {
-  const auto* bytes = static_cast<const char*>(sqlite3_column_blob(s_, column));
-  return bytes ? std::string(bytes, size_t(sqlite3_column_bytes(s_, column))) : std::string();
-}
+std::unique_ptr<SqlStatement> Sqlite::use(const char* sql) { return std::make_unique<Use>(*this, sql); }
 
 }  // namespace gobo

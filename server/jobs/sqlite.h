@@ -9,17 +9,17 @@
 #include <string>
 #include <vector>
 
-#include "base/status.h"
+#include "server/jobs/sql.h"
 
 struct sqlite3;
 struct sqlite3_stmt;
 
 namespace gobo {
 
-class Sqlite {
+class Sqlite final : public SqlConnection {
  public:
   Sqlite() = default;
-  ~Sqlite() { close(); }
+  ~Sqlite() override { close(); }
   Sqlite(const Sqlite&) = delete;
   Sqlite& operator=(const Sqlite&) = delete;
 
@@ -34,46 +34,16 @@ class Sqlite {
   Status exec(const std::string& sql);
   /// The first column of the first row, as text; empty without a row.
   Result<std::string> value(const std::string& sql);
-  /// Rows that the last statement changed.
-  int64_t changed() const;
-  int64_t lastId() const;
   /// Unavailable (busy, locked), ResourceExhausted (disk full), DataLoss (damaged, no database), Internal; names the file.
   Status error(int code) const;
 
   /// Called before every statement that run, with its text; a test's seam: what is not Ok is that statement's failure.
   std::function<Status(const char* sql)> step;
 
-  /// One use of a prepared statement: bind, then run() or next() until false.
-  class Query {
-   public:
-    Query(Sqlite& db, const char* sql);
-    ~Query();
-    Query(const Query&) = delete;
-    Query& bind(int64_t v);
-    Query& bind(uint64_t v) { return bind(int64_t(v)); }
-    Query& bind(int v) { return bind(int64_t(v)); }
-    Query& bind(double v);
-    Query& bind(const std::string& text);
-    Query& blob(const std::string& bytes);
-    /// True while there is a row; status() tells an end from a failure.
-    bool next();
-    Status run();
-    const Status& status() const { return status_; }
-    int64_t integer(int column) const;
-    double real(int column) const;
-    std::string text(int column) const;  ///< or bytes
-
-   private:
-    Sqlite& db_;
-    const char* sql_;
-    sqlite3_stmt* s_ = nullptr;
-    int bound_ = 0;
-    bool begun_ = false;
-    Status status_;
-  };
+  std::unique_ptr<SqlStatement> use(const char* sql) override;
 
  private:
-  friend class Query;
+  class Use;
   sqlite3_stmt* prepare(const char* sql, Status& status);
   sqlite3* db_ = nullptr;
   std::string path_;

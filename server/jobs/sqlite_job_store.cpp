@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-// Opening, submitting, reading and steering jobs; sqlite_job_tasks.cpp has the tasks.
 #include "server/jobs/sqlite_job_store.h"
 
 #include <sys/stat.h>
@@ -10,7 +9,6 @@
 #include <chrono>
 #include <cstdlib>
 #include <fstream>
-#include <random>
 
 #include "server/log.h"
 
@@ -18,10 +16,9 @@ namespace gobo {
 
 namespace {
 
-using Query = Sqlite::Query;
-
-constexpr int kVersion = 2;
+constexpr int kSqliteVersion = 2;
 // States are the numbers of v1.Job.State and v1.Frame.State. revision: of the store when the row last changed.
+constexpr double kClockEvery = 60;  // seconds that a restart of the machine may take from the age of results
 constexpr const char* kSchema = R"(
 CREATE TABLE counter(name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
 INSERT INTO counter VALUES('revision', 0), ('token', 0);
@@ -70,67 +67,11 @@ std::string bootId() {
   return id.empty() ? "unknown" : id;
 }
 
-constexpr const char* kJobColumns =
-    "SELECT id, spec, state, error_code, error, frames, done, failed, scene_hash, submitted, started, ended, result_bytes, expired,"
-    " (SELECT ifnull(sum(progress), 0) FROM task WHERE task.job = job.id AND task.state < 3 AND progress > 0),"
-    " scene_source, scene_file, environment_digest, client FROM job ";
-
-JobRecord jobOf(const Query& q) {
-  JobRecord r;
-  r.id = q.integer(0);
-  v1::Job& job = r.job;
-  job.set_id(jobIdText(r.id));
-  job.mutable_spec()->ParseFromString(q.text(1));
-  job.set_state(v1::Job::State(q.integer(2)));
-  if (q.integer(3)) {
-    job.mutable_error()->set_code(int32_t(q.integer(3)));
-    job.mutable_error()->set_message(q.text(4));
-  }
-  job.set_frames_total(uint64_t(q.integer(5)));
-  job.set_frames_done(uint64_t(q.integer(6)));
-  job.set_frames_failed(uint64_t(q.integer(7)));
-  job.set_scene_hash(q.text(8));
-  job.set_submitted_unix_s(q.real(9));
-  job.set_started_unix_s(q.real(10));
-  job.set_ended_unix_s(q.real(11));
-  job.set_result_bytes(uint64_t(q.integer(12)));
-  job.set_results_expired(q.integer(13) != 0);
-  job.set_progress((double(job.frames_done()) + q.real(14)) / double(std::max<uint64_t>(1, job.frames_total())));
-  r.sceneSource = q.text(15);
-  r.sceneFile = q.text(16);
-  r.environmentDigest = q.text(17);
-  job.mutable_spec()->set_client(q.text(18));
-  return r;
-}
-
-Status noJob(int64_t id) { return notFound("no job '" + jobIdText(id) + "'", "id"); }
-
 }  // namespace
 
-bool OwnedJobs::has(int64_t id) const {
-  return id > 0 && id <= last && std::none_of(except.begin(), except.end(), [&](const auto& range) { return id >= range.first && id <= range.second; });
-}
-
-std::string newStoreIdentity() {
-  std::random_device random;
-  std::string text;
-  for (int i = 0; i < 4; ++i) text += strf("%08x", unsigned(random()));
-  return text;
-}
-
-std::string jobIdText(int64_t id) { return "j-" + std::to_string(id); }
-
-int64_t jobIdOf(const std::string& text) {
-  if (text.rfind("j-", 0) != 0 || text.size() < 3 || text.size() > 20 || text.find_first_not_of("0123456789", 2) != std::string::npos) return 0;
-  return std::atoll(text.c_str() + 2);
-}
-
-bool jobIsOver(v1::Job::State s) { return s == v1::Job::DONE || s == v1::Job::FAILED || s == v1::Job::CANCELLED; }
-
 Result<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open(const std::string& path, const JobStoreOptions& options) {
-  std::unique_ptr<SqliteJobStore> store(new SqliteJobStore);
+  std::unique_ptr<SqliteJobStore> store(new SqliteJobStore(options));
   store->path_ = path;
-  store->options_ = options;
   if (!store->options_.now) store->options_.now = [] { return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count(); };
   if (!store->options_.uptime)
     store->options_.uptime = options.now ? options.now : [] {
@@ -156,12 +97,13 @@ Status SqliteJobStore::migrate() {
     const int version = std::atoi(text.c_str());
     GOBO_ASSIGN(const std::string tables, db_.value("SELECT count(*) FROM sqlite_schema"));
     GOBO_ASSIGN(const std::string ours, db_.value("SELECT count(*) FROM sqlite_schema WHERE name IN ('job', 'task', 'counter')"));
-    if (version > kVersion)
-      return {Code::FailedPrecondition,
-              strf("job store has schema version %d, this build reads versions 1 to %d: start the newer release, or move the folder away", version, kVersion),
-              path_};
+    if (version > kSqliteVersion)
+      return {
+          Code::FailedPrecondition,
+          strf("job store has schema version %d, this build reads versions 1 to %d: start the newer release, or move the folder away", version, kSqliteVersion),
+          path_};
     if (tables != "0" && (ours != "3" || version < 1)) return {Code::FailedPrecondition, "is a database, but no job store", path_};
-    if (version == kVersion && tables != "0") return {};
+    if (version == kSqliteVersion && tables != "0") return {};
     if (version == 1 && tables != "0") return db_.exec(kVersion2);
     if (!options_.create) return {Code::DataLoss, "job store is empty", path_};
     GOBO_TRY(db_.exec(kSchema));
@@ -174,60 +116,21 @@ Status SqliteJobStore::startClock() {
   return transact([&]() -> Status {
     std::string boot;
     {
-      Query q(db_, "SELECT boot, base, kept FROM clock");
+      SqlQuery q(db_, "SELECT boot, base, kept FROM clock");
       while (q.next()) boot = q.text(0), clockBase_ = q.real(1), clockKept_ = q.real(2);
       GOBO_TRY(q.status());
     }
     if (boot == options_.boot && uptime() >= clockKept_) return {};  // as the processes that are open
     clockBase_ = clockKept_ - options_.uptime();                     // a new store's begins at 0
-    Query q(db_, "UPDATE clock SET boot = ?1, base = ?2");
+    SqlQuery q(db_, "UPDATE clock SET boot = ?1, base = ?2");
     return q.bind(options_.boot).bind(clockBase_).run();
   });
 }
 
 Status SqliteJobStore::keepClock() {
   clockKept_ = std::max(clockKept_, uptime());
-  Query q(db_, "UPDATE clock SET kept = max(kept, ?1)");
+  SqlQuery q(db_, "UPDATE clock SET kept = max(kept, ?1)");
   return q.bind(clockKept_).run();
-}
-
-Result<std::string> SqliteJobStore::identity() {
-  const std::lock_guard lock(mutex_);
-  return db_.value("SELECT id FROM identity");
-}
-
-Status SqliteJobStore::identify(const std::string& id) {
-  const std::lock_guard lock(mutex_);
-  return transact([&]() -> Status {
-    Query q(db_, "INSERT INTO identity SELECT ?1 WHERE NOT EXISTS(SELECT 1 FROM identity)");
-    return q.bind(id).run();
-  });
-}
-
-Status SqliteJobStore::disown(int64_t last) {
-  const std::lock_guard lock(mutex_);
-  return transact([&]() -> Status {
-    GOBO_ASSIGN(const std::string text, db_.value("SELECT seq FROM sqlite_sequence WHERE name = 'job'"));
-    const int64_t given = std::atoll(text.c_str());
-    if (last <= given) return {};
-    {
-      Query q(db_, "INSERT INTO unowned VALUES(?1, ?2)");
-      GOBO_TRY(q.bind(given + 1).bind(last).run());
-    }
-    Query q(db_, text.empty() ? "INSERT INTO sqlite_sequence(name, seq) VALUES('job', ?1)" : "UPDATE sqlite_sequence SET seq = ?1 WHERE name = 'job'");
-    return q.bind(last).run();
-  });
-}
-
-Result<OwnedJobs> SqliteJobStore::owned() {
-  const std::lock_guard lock(mutex_);
-  GOBO_ASSIGN(const std::string text, db_.value("SELECT seq FROM sqlite_sequence WHERE name = 'job'"));
-  OwnedJobs owned;
-  owned.last = std::atoll(text.c_str());
-  Query q(db_, "SELECT first, last FROM unowned");
-  while (q.next()) owned.except.push_back({q.integer(0), q.integer(1)});
-  if (!q.status().ok()) return q.status();
-  return owned;
 }
 
 Status SqliteJobStore::transact(const std::function<Status()>& change) {
@@ -248,7 +151,7 @@ Status SqliteJobStore::transact(const std::function<Status()>& change) {
 }
 
 Result<uint64_t> SqliteJobStore::bump(const char* counter) {
-  Query q(db_, "UPDATE counter SET value = value + 1 WHERE name = ?1 RETURNING value");
+  SqlQuery q(db_, "UPDATE counter SET value = value + 1 WHERE name = ?1 RETURNING value");
   q.bind(std::string(counter));
   uint64_t value = 0;
   while (q.next()) value = uint64_t(q.integer(0));
@@ -256,221 +159,71 @@ Result<uint64_t> SqliteJobStore::bump(const char* counter) {
   return value;
 }
 
-Result<int64_t> SqliteJobStore::findKey(const std::string& client, const std::string& key, const std::string& digest) {
-  if (key.empty()) return int64_t(0);
-  const std::lock_guard lock(mutex_);
-  Query q(db_, "SELECT id, digest FROM job WHERE client = ?1 AND key = ?2 AND key <> ''");
-  q.bind(client).bind(key);
-  int64_t id = 0;
-  bool equal = true;
-  while (q.next()) id = q.integer(0), equal = q.text(1) == digest;
+Status SqliteJobStore::look(const std::function<Status()>& read) {
+  GOBO_TRY(db_.exec("BEGIN"));
+  const Status status = read();
+  (void)db_.exec("COMMIT");
+  return status;
+}
+
+Result<uint64_t> SqliteJobStore::revision() {
+  SqlQuery q(db_, "SELECT value FROM counter WHERE name = 'revision'");
+  uint64_t value = 0;
+  while (q.next()) value = uint64_t(q.integer(0));
   if (!q.status().ok()) return q.status();
-  if (!equal) return Status(Code::AlreadyExists, "key '" + key + "' is that of " + jobIdText(id) + ", which was made from another spec", "job.key");
-  return id;
+  return value;
 }
 
-Result<int64_t> SqliteJobStore::submit(const NewJob& n, bool& existed) {
-  existed = false;
-  for (;;) {
-    GOBO_ASSIGN(int64_t id, findKey(n.client, n.spec.key(), n.digest));
-    if (id) {
-      existed = true;
-      return id;
-    }
-    const std::lock_guard lock(mutex_);
-    bool raced = false;
-    const Status status = transact([&]() -> Status {
-      {
-        Query again(db_, "SELECT id FROM job WHERE client = ?1 AND key = ?2 AND key <> ''");
-        again.bind(n.client).bind(n.spec.key());
-        while (again.next()) raced = true;
-        GOBO_TRY(again.status());
-        if (raced) return {Code::Aborted, "another process was first"};
-      }
-      {
-        Query active(db_, "SELECT ifnull(sum(frames - done - failed), 0) FROM job WHERE state IN (1, 2, 3)");
-        uint64_t tasks = 0;
-        while (active.next()) tasks = uint64_t(active.integer(0));
-        GOBO_TRY(active.status());
-        if (tasks + n.frames.size() > options_.maxActiveTasks)
-          return {Code::ResourceExhausted,
-                  strf("%llu frames wait already; at most %llu are kept", (unsigned long long)tasks, (unsigned long long)options_.maxActiveTasks),
-                  "job.frames"};
-      }
-      GOBO_ASSIGN(const uint64_t revision, bump("revision"));
-      {
-        Query q(db_,
-                "INSERT INTO job(client, key, digest, spec, priority, deadline, max_attempts, state, frames, scene_hash, scene_source,"
-                " scene_file, environment_digest, submitted, revision) VALUES(?1, ?2, ?3, ?4, ?5, CASE WHEN ?6 > 0 THEN ?6 END, ?7, 1, ?8, ?9, ?10, ?11, ?12, "
-                "?13, ?14)");
-        q.bind(n.client)
-            .bind(n.spec.key())
-            .bind(n.digest)
-            .blob(n.spec.SerializeAsString())
-            .bind(int(n.spec.priority()))
-            .bind(n.spec.deadline_unix_s())
-            .bind(int64_t(n.spec.max_attempts()))
-            .bind(int64_t(n.frames.size()))
-            .bind(n.sceneHash)
-            .bind(n.sceneSource)
-            .bind(n.sceneFile)
-            .bind(n.environmentDigest)
-            .bind(now())
-            .bind(revision);
-        GOBO_TRY(q.run());
-      }
-      id = db_.lastId();
-      for (size_t i = 0; i < n.frames.size(); ++i) {
-        Query q(db_, "INSERT INTO task(job, idx, frame, state, revision) VALUES(?1, ?2, ?3, 1, ?4)");
-        q.bind(id).bind(int64_t(i)).bind(n.frames[i]).bind(revision);
-        GOBO_TRY(q.run());
-      }
-      return {};
-    });
-    if (raced) continue;
-    if (!status.ok()) return status;
-    return id;
-  }
+Result<int64_t> SqliteJobStore::lastJob() {
+  GOBO_ASSIGN(const std::string text, db_.value("SELECT seq FROM sqlite_sequence WHERE name = 'job'"));
+  return int64_t(std::atoll(text.c_str()));
 }
 
-Result<JobRecord> SqliteJobStore::readJob(int64_t id) {
-  JobRecord record;
+Status SqliteJobStore::skipJobs(int64_t last) {
   {
-    static const std::string sql = std::string(kJobColumns) + "WHERE id = ?1";
-    Query q(db_, sql.c_str());
-    q.bind(id);
-    while (q.next()) record = jobOf(q);
-    if (!q.status().ok()) return q.status();
+    SqlQuery q(db_, "INSERT INTO sqlite_sequence(name, seq) SELECT 'job', 0 WHERE NOT EXISTS(SELECT 1 FROM sqlite_sequence WHERE name = 'job')");
+    GOBO_TRY(q.run());
   }
-  if (!record.id) return noJob(id);
-  Query q(db_, "SELECT value FROM counter WHERE name = 'revision'");
-  while (q.next()) record.revision = uint64_t(q.integer(0));
-  if (!q.status().ok()) return q.status();
-  return record;
+  SqlQuery q(db_, "UPDATE sqlite_sequence SET seq = ?1 WHERE name = 'job'");
+  return q.bind(last).run();
 }
 
-Status SqliteJobStore::readFrames(int64_t id, uint64_t after, v1::Job& job) {
-  std::vector<int64_t> indices;
-  {
-    Query q(db_,
-            "SELECT idx, frame, state, failures, progress, spp, error_code, error, seconds,"
-            " (SELECT digest FROM checkpoint c WHERE c.job = task.job AND c.idx = task.idx ORDER BY bytes DESC LIMIT 1)"
-            " FROM task WHERE job = ?1 AND revision > ?2 ORDER BY idx");
-    q.bind(id).bind(after);
-    while (q.next()) {
-      indices.push_back(q.integer(0));
-      v1::Frame& f = *job.add_frames();
-      f.set_frame(q.integer(1));
-      f.set_state(v1::Frame::State(q.integer(2)));
-      f.set_attempts(uint32_t(q.integer(3)) + (f.state() == v1::Frame::RUNNING || f.state() == v1::Frame::DONE));
-      f.set_progress(f.state() == v1::Frame::DONE ? 1 : q.real(4));
-      f.set_spp(uint32_t(q.integer(5)));
-      if (q.integer(6)) {
-        f.mutable_error()->set_code(int32_t(q.integer(6)));
-        f.mutable_error()->set_message(q.text(7));
-      }
-      f.set_seconds(q.real(8));
-      f.set_checkpoint(q.text(9));
-    }
-    GOBO_TRY(q.status());
+Status SqliteJobStore::addTasks(int64_t job, const std::vector<int64_t>& frames, uint64_t revision) {
+  for (size_t i = 0; i < frames.size(); ++i) {
+    SqlQuery q(db_, "INSERT INTO task(job, idx, frame, state, revision) VALUES(?1, ?2, ?3, 1, ?4)");
+    GOBO_TRY(q.bind(job).bind(int64_t(i)).bind(frames[i]).bind(revision).run());
   }
-  Query q(db_,
-          "SELECT f.idx, f.message FROM task t JOIN file f ON f.job = t.job AND f.idx = t.idx"
-          " WHERE t.job = ?1 AND t.revision > ?2 ORDER BY f.idx, f.output");
-  q.bind(id).bind(after);
-  size_t at = 0;
+  return {};
+}
+
+Status SqliteJobStore::firstReady(const std::string& client, std::optional<Lease>& lease) {
+  SqlQuery q(db_,
+             "SELECT j.id, t.idx, t.frame, t.progress FROM job j JOIN task t ON t.job = j.id AND t.idx ="
+             " (SELECT idx FROM task r WHERE r.job = j.id AND r.state = 1 AND r.ready <= ?1 ORDER BY idx LIMIT 1)"
+             " WHERE j.state IN (1, 2) AND j.client = ?2 ORDER BY j.priority DESC, ifnull(j.deadline, 1e300), j.id LIMIT 1");
+  q.bind(uptime()).bind(client);
   while (q.next()) {
-    while (at < indices.size() && indices[at] < q.integer(0)) ++at;
-    if (at < indices.size() && indices[at] == q.integer(0)) job.mutable_frames(int(at))->add_files()->ParseFromString(q.text(1));
+    lease.emplace();
+    lease->task = {q.integer(0), q.integer(1)};
+    lease->frame = q.integer(2);
+    lease->progress = q.real(3);
   }
   return q.status();
 }
 
-Result<JobRecord> SqliteJobStore::get(int64_t id, bool withFrames) {
-  const std::lock_guard lock(mutex_);
-  // A read transaction: job and frames are of one moment, whatever other processes write.
-  GOBO_TRY(db_.exec("BEGIN"));
-  Result<JobRecord> record = readJob(id);
-  Status status = record.status();
-  if (status.ok() && withFrames) status = readFrames(id, 0, record->job);
-  (void)db_.exec("COMMIT");
-  if (!status.ok()) return status;
-  return record;
+Result<double> SqliteJobStore::endedAt() {
+  GOBO_TRY(keepClock());
+  return clockKept_;
 }
 
-Result<JobRecord> SqliteJobStore::changes(int64_t id, uint64_t revision) {
-  const std::lock_guard lock(mutex_);
-  GOBO_TRY(db_.exec("BEGIN"));
-  Result<JobRecord> record = readJob(id);
-  Status status = record.status();
-  if (status.ok() && record->revision > revision) status = readFrames(id, revision, record->job);
-  (void)db_.exec("COMMIT");
-  if (!status.ok()) return status;
-  record->job.clear_spec();
-  return record;
+Status SqliteJobStore::mindClock() {
+  if (uptime() - clockKept_ < kClockEvery) return {};
+  return transact([&] { return keepClock(); });
 }
 
-Result<std::vector<v1::Job>> SqliteJobStore::list(const JobFilter& filter) {
+Result<std::string> SqliteJobStore::integrity() {
   const std::lock_guard lock(mutex_);
-  std::string sql = std::string(kJobColumns) + "WHERE id < ?1 AND (?2 = '' OR client = ?2)";
-  if (!filter.states.empty()) {
-    sql += " AND state IN (";
-    for (size_t i = 0; i < filter.states.size(); ++i) sql += (i ? "," : "") + std::to_string(int(filter.states[i]));
-    sql += ")";
-  }
-  sql += " ORDER BY id DESC LIMIT ?3";
-  Query q(db_, sql.c_str());
-  q.bind(filter.before > 0 ? filter.before : INT64_MAX).bind(filter.client).bind(int64_t(filter.limit));
-  std::vector<v1::Job> jobs;
-  for (uint64_t bytes = 0; (jobs.size() < 2 || bytes <= filter.bytes) && q.next();) {
-    jobs.push_back(jobOf(q).job);
-    bytes += jobs.back().ByteSizeLong();
-  }
-  if (!q.status().ok()) return q.status();
-  return jobs;
-}
-
-Status SqliteJobStore::cancel(int64_t id) {
-  const std::lock_guard lock(mutex_);
-  return transact([&]() -> Status {
-    GOBO_ASSIGN(const JobRecord record, readJob(id));
-    if (jobIsOver(record.job.state())) return {};
-    GOBO_ASSIGN(const uint64_t revision, bump("revision"));
-    return endJob(id, v1::Job::CANCELLED, {}, revision);
-  });
-}
-
-Status SqliteJobStore::pause(int64_t id) {
-  const std::lock_guard lock(mutex_);
-  return transact([&]() -> Status {
-    GOBO_TRY(readJob(id).status());
-    GOBO_ASSIGN(const uint64_t revision, bump("revision"));
-    Query q(db_, "UPDATE job SET state = 3, revision = ?2 WHERE id = ?1 AND state IN (1, 2)");
-    return q.bind(id).bind(revision).run();
-  });
-}
-
-Status SqliteJobStore::resume(int64_t id) {
-  const std::lock_guard lock(mutex_);
-  return transact([&]() -> Status {
-    GOBO_TRY(readJob(id).status());
-    GOBO_ASSIGN(const uint64_t revision, bump("revision"));
-    Query q(db_,
-            "UPDATE job SET state = CASE WHEN EXISTS(SELECT 1 FROM task WHERE job = ?1 AND state = 2) THEN 2 ELSE 1 END, revision = ?2 WHERE id = ?1 AND state "
-            "= 3");
-    return q.bind(id).bind(revision).run();
-  });
-}
-
-Status SqliteJobStore::remove(int64_t id) {
-  const std::lock_guard lock(mutex_);
-  return transact([&]() -> Status {
-    GOBO_ASSIGN(const JobRecord record, readJob(id));
-    if (!jobIsOver(record.job.state()))
-      return {Code::FailedPrecondition, jobIdText(id) + " is " + v1::Job::State_Name(record.job.state()) + ": cancel it first", "id"};
-    Query q(db_, "DELETE FROM job WHERE id = ?1");
-    return q.bind(id).run();
-  });
+  return db_.value("PRAGMA integrity_check");
 }
 
 }  // namespace gobo

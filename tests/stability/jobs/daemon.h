@@ -39,10 +39,11 @@ struct TemporaryFolder {
 
 class Daemon {
  public:
-  Daemon(std::string folder, int workers) : folder_(std::move(folder)) {
+  /// `jobs`: lines of its [jobs], with the folder.
+  Daemon(std::string folder, int workers, const std::string& jobs = "folder = \"jobs\"\nlease_s = 5\n") : folder_(std::move(folder)) {
     std::ofstream(folder_ + "/gobod.toml") << "listen = [\"unix:s.sock\"]\n[log]\nlevel = \"info\"\n[engine]\nthreads = 2\nstore_bytes = \"256MiB\"\n"
-                                              "[limits]\ntmp_folder = \"tmp\"\n[jobs]\nfolder = \"jobs\"\nworkers = "
-                                           << workers << "\nlease_s = 5\ncheckpoint_s = 0.1\n";
+                                              "[limits]\ntmp_folder = \"tmp\"\n[jobs]\n"
+                                           << jobs << "workers = " << workers << "\ncheckpoint_s = 0.1\n";
     std::filesystem::create_directory(folder_ + "/tmp");
   }
   ~Daemon() {

@@ -38,8 +38,10 @@ struct Clock : test::StoreFixture {
   }
   size_t expired(double keepDays) { return store->expireResults(1 << 30, keepDays * kDay)->size(); }
 };
+using EachClock = test::OnEachStore<Clock>;
+INSTANTIATE_TEST_SUITE_P(Stores, EachClock, test::kBothStores, test::storeName);
 
-TEST_F(Clock, AJumpEndsNoLeaseOfALivingHolder) {
+TEST_P(EachClock, AJumpEndsNoLeaseOfALivingHolder) {
   for (const double jump : {kTenYears, -kTenYears, -kTenYears, kTenYears}) {
     for (const bool reopened : {false, true}) {
       const int64_t id = submit(makeJob());
@@ -59,7 +61,7 @@ TEST_F(Clock, AJumpEndsNoLeaseOfALivingHolder) {
   }
 }
 
-TEST_F(Clock, AJumpKeepsNoLeaseOfADeadHolderAlive) {
+TEST_P(EachClock, AJumpKeepsNoLeaseOfADeadHolderAlive) {
   for (const double jump : {kTenYears, -kTenYears}) {
     const int64_t id = submit(makeJob());
     auto dead = claim(30);
@@ -81,7 +83,7 @@ TEST_F(Clock, AJumpKeepsNoLeaseOfADeadHolderAlive) {
   }
 }
 
-TEST_F(Clock, AFailedFrameWaitsSecondsNotYears) {
+TEST_P(EachClock, AFailedFrameWaitsSecondsNotYears) {
   for (const double jump : {kTenYears, -2 * kTenYears}) {
     const int64_t id = submit(makeJob());
     auto lease = claim();
@@ -97,7 +99,7 @@ TEST_F(Clock, AFailedFrameWaitsSecondsNotYears) {
   }
 }
 
-TEST_F(Clock, ResultsAgeByTheTimeTheMachineIsUpAndNotByJumps) {
+TEST_P(EachClock, ResultsAgeByTheTimeTheMachineIsUpAndNotByJumps) {
   const int64_t first = finish();
   for (const double jump : {kTenYears, -kTenYears, -kTenYears, kTenYears}) {
     time += jump;
@@ -140,7 +142,7 @@ TEST_F(Clock, TheAgeOutlivesARestartOfTheMachine) {
   EXPECT_TRUE(get(id).results_expired());
 }
 
-TEST_F(Clock, TheBoundInBytesStillTakesTheEarliestEnded) {
+TEST_P(EachClock, TheBoundInBytesStillTakesTheEarliestEnded) {
   const int64_t a = finish();
   time -= kTenYears;
   pass(10);

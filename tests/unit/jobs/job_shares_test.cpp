@@ -8,7 +8,7 @@
 namespace gobo::job_shares_test {
 namespace {
 
-class JobSharesTest : public test::StoreFixture {
+class JobSharesTest : public test::OnEachStore<test::StoreFixture> {
  protected:
   int64_t add(const std::string& client, int frames, v1::JobSpec::Priority priority = v1::JobSpec::MEDIUM) {
     NewJob job = makeJob(frames, "", priority);
@@ -28,15 +28,16 @@ class JobSharesTest : public test::StoreFixture {
   }
   std::map<int64_t, std::string> owner;
 };
+INSTANTIATE_TEST_SUITE_P(Stores, JobSharesTest, test::kBothStores, test::storeName);
 
-TEST_F(JobSharesTest, OneFrameDoesNotWaitForAHundred) {
+TEST_P(JobSharesTest, OneFrameDoesNotWaitForAHundred) {
   add("first", 100);
   EXPECT_EQ(next(10), "first");
   add("second", 1);
   EXPECT_EQ(next(10), "second");
 }
 
-TEST_F(JobSharesTest, NobodyPassesAnotherByCallingEverythingUrgent) {
+TEST_P(JobSharesTest, NobodyPassesAnotherByCallingEverythingUrgent) {
   add("modest", 100, v1::JobSpec::LOW);
   add("urgent", 100, v1::JobSpec::HIGH);
   int modest = 0;
@@ -45,7 +46,7 @@ TEST_F(JobSharesTest, NobodyPassesAnotherByCallingEverythingUrgent) {
 }
 
 // Seconds count, not frames: cheap frames are given more often.
-TEST_F(JobSharesTest, SecondsAreShared) {
+TEST_P(JobSharesTest, SecondsAreShared) {
   add("slow", 100);
   add("quick", 100);
   double slow = 0, quick = 0;
@@ -61,7 +62,7 @@ TEST_F(JobSharesTest, SecondsAreShared) {
   EXPECT_NEAR(slow / quick, 1, 0.15);
 }
 
-TEST_F(JobSharesTest, IdleTimeIsNotSavedUp) {
+TEST_P(JobSharesTest, IdleTimeIsNotSavedUp) {
   add("busy", 1000);
   for (int i = 0; i < 50; ++i) EXPECT_EQ(next(10), "busy");
   add("late", 1000);

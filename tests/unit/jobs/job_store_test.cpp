@@ -7,9 +7,10 @@
 namespace gobo {
 namespace {
 
-using Store = test::StoreFixture;
+using Store = test::OnEachStore<test::StoreFixture>;
+INSTANTIATE_TEST_SUITE_P(Stores, Store, test::kBothStores, test::storeName);
 
-TEST_F(Store, AJobGoesFromQueuedToDone) {
+TEST_P(Store, AJobGoesFromQueuedToDone) {
   const int64_t id = submit(makeJob(2));
   EXPECT_EQ(get(id).state(), v1::Job::QUEUED);
   const auto a = claim(), b = claim();
@@ -35,7 +36,7 @@ TEST_F(Store, AJobGoesFromQueuedToDone) {
   EXPECT_EQ(job.frames(0).attempts(), 1u);
 }
 
-TEST_F(Store, ALateReportOfALostLeaseIsRefusedAndNamesBothTokens) {
+TEST_P(Store, ALateReportOfALostLeaseIsRefusedAndNamesBothTokens) {
   const int64_t id = submit(makeJob());
   const auto first = claim(30, "first");
   time += 31;
@@ -62,7 +63,7 @@ TEST_F(Store, ALateReportOfALostLeaseIsRefusedAndNamesBothTokens) {
   EXPECT_EQ(get(id).frames(0).files(0).sha256(), "aa");
 }
 
-TEST_F(Store, AnExpiredLeaseIsOverOnlyOnceTheStoreSaysSo) {
+TEST_P(Store, AnExpiredLeaseIsOverOnlyOnceTheStoreSaysSo) {
   submit(makeJob());
   const auto lease = claim(30);
   time += 100;  // nobody looked: the holder was slow, not dead
@@ -75,7 +76,7 @@ TEST_F(Store, AnExpiredLeaseIsOverOnlyOnceTheStoreSaysSo) {
   EXPECT_EQ(store->complete(*lease, files(), 1).code(), Code::FailedPrecondition);
 }
 
-TEST_F(Store, ACompletionReportMayBeRepeated) {
+TEST_P(Store, ACompletionReportMayBeRepeated) {
   const int64_t id = submit(makeJob());
   const auto lease = claim();
   EXPECT_TRUE(store->complete(*lease, files(), 1).ok());
@@ -87,7 +88,7 @@ TEST_F(Store, ACompletionReportMayBeRepeated) {
   EXPECT_EQ(store->complete(*lease, files("other"), 1).code(), Code::FailedPrecondition);  // that is no repetition
 }
 
-TEST_F(Store, AFailedFrameIsTriedAgainUntilMaxAttempts) {
+TEST_P(Store, AFailedFrameIsTriedAgainUntilMaxAttempts) {
   const int64_t id = submit(makeJob(2));
   for (int attempt = 1; attempt <= 3; ++attempt) {
     const auto lease = claim();
@@ -116,7 +117,7 @@ TEST_F(Store, AFailedFrameIsTriedAgainUntilMaxAttempts) {
   EXPECT_EQ(job.frames(1).attempts(), 1u);  // released ones are not attempts
 }
 
-TEST_F(Store, WhatCannotBeMendedIsNotTriedAgain) {
+TEST_P(Store, WhatCannotBeMendedIsNotTriedAgain) {
   const int64_t one = submit(makeJob(2)), two = submit(makeJob(2));
   EXPECT_TRUE(store->fail(*claim(), {{Code::InvalidArgument, "bad"}, false}).ok());
   EXPECT_EQ(get(one).frames(0).state(), v1::Frame::FAILED);
@@ -130,7 +131,7 @@ TEST_F(Store, WhatCannotBeMendedIsNotTriedAgain) {
   EXPECT_EQ(store->complete(*b, files(), 1).code(), Code::FailedPrecondition);
 }
 
-TEST_F(Store, OrderIsPriorityThenDeadlineThenAge) {
+TEST_P(Store, OrderIsPriorityThenDeadlineThenAge) {
   const int64_t low = submit(makeJob(1, "", v1::JobSpec::LOW));
   const int64_t old = submit(makeJob(1)), later = submit(makeJob(1, "", v1::JobSpec::MEDIUM, 9000)), sooner = submit(makeJob(1, "", v1::JobSpec::MEDIUM, 8000));
   const int64_t high = submit(makeJob(2, "", v1::JobSpec::HIGH));
@@ -139,7 +140,7 @@ TEST_F(Store, OrderIsPriorityThenDeadlineThenAge) {
   EXPECT_EQ(order, (std::vector<int64_t>{high, high, sooner, later, old, low}));
 }
 
-TEST_F(Store, TheSameKeyIsTheSameJob) {
+TEST_P(Store, TheSameKeyIsTheSameJob) {
   const int64_t id = submit(makeJob(1, "k"));
   bool existed = false;
   EXPECT_EQ(*store->submit(makeJob(1, "k"), existed), id);
@@ -156,7 +157,7 @@ TEST_F(Store, TheSameKeyIsTheSameJob) {
   EXPECT_EQ(*store->findKey("me", "unknown", "d"), 0);
 }
 
-TEST_F(Store, PauseCancelAndResume) {
+TEST_P(Store, PauseCancelAndResume) {
   const int64_t id = submit(makeJob(2));
   const auto lease = claim();
   EXPECT_TRUE(store->pause(id).ok());
@@ -185,7 +186,7 @@ TEST_F(Store, PauseCancelAndResume) {
   EXPECT_GT(submit(makeJob()), id);  // an id is never used again
 }
 
-TEST_F(Store, DeadlinesFailTheJob) {
+TEST_P(Store, DeadlinesFailTheJob) {
   const int64_t id = submit(makeJob(1, "", v1::JobSpec::MEDIUM, 1100));
   const auto lease = claim(1000);
   time = 1099;
@@ -197,7 +198,7 @@ TEST_F(Store, DeadlinesFailTheJob) {
   EXPECT_EQ(store->complete(*lease, files(), 1).code(), Code::FailedPrecondition);
 }
 
-TEST_F(Store, AFrameThatKillsItsWorkerEachTimeIsGivenUp) {
+TEST_P(Store, AFrameThatKillsItsWorkerEachTimeIsGivenUp) {
   options.maxLosses = 4;
   open();
   const int64_t id = submit(makeJob());
@@ -217,7 +218,7 @@ TEST_F(Store, AFrameThatKillsItsWorkerEachTimeIsGivenUp) {
   EXPECT_EQ(get(id).state(), v1::Job::FAILED);
 }
 
-TEST_F(Store, CheckpointsReplaceEachOther) {
+TEST_P(Store, CheckpointsReplaceEachOther) {
   submit(makeJob());
   const auto lease = claim();
   EXPECT_TRUE(store->checkpoint(*lease, {"r", "d1", 4, 100}, 0.25, 64)->empty());
@@ -231,7 +232,7 @@ TEST_F(Store, CheckpointsReplaceEachOther) {
   EXPECT_TRUE(store->neededCheckpoints()->empty());
 }
 
-TEST_F(Store, ListsByStateAndClientInPages) {
+TEST_P(Store, ListsByStateAndClientInPages) {
   std::vector<int64_t> ids;
   for (int i = 0; i < 5; ++i) ids.push_back(submit(makeJob()));
   NewJob other = makeJob();
@@ -249,7 +250,7 @@ TEST_F(Store, ListsByStateAndClientInPages) {
   EXPECT_EQ(idsOf(*store->list({{}, "me", ids[3], 2})), (std::vector<int64_t>{ids[2], ids[1]}));
 }
 
-TEST_F(Store, ChangesAreWhatChangedSince) {
+TEST_P(Store, ChangesAreWhatChangedSince) {
   const int64_t id = submit(makeJob(3));
   const uint64_t before = store->get(id, false)->revision;
   EXPECT_EQ(store->changes(id, before)->job.frames_size(), 0);
@@ -264,7 +265,7 @@ TEST_F(Store, ChangesAreWhatChangedSince) {
   EXPECT_EQ(store->changes(id, done.revision)->job.frames_size(), 0);
 }
 
-TEST_F(Store, ResultsGoByAgeAndByBytesButNotThoseOfJobsThatGoOn) {
+TEST_P(Store, ResultsGoByAgeAndByBytesButNotThoseOfJobsThatGoOn) {
   std::vector<int64_t> ids;
   for (int i = 0; i < 4; ++i) {
     ids.push_back(submit(makeJob(i == 3 ? 2 : 1)));
@@ -282,7 +283,7 @@ TEST_F(Store, ResultsGoByAgeAndByBytesButNotThoseOfJobsThatGoOn) {
   EXPECT_EQ(store->neededResults(ids[3])->size(), 1u);  // not over yet
 }
 
-TEST_F(Store, ManyFramesAreBounded) {
+TEST_P(Store, ManyFramesAreBounded) {
   options.maxActiveTasks = 10;
   open();
   const int64_t id = submit(makeJob(8));

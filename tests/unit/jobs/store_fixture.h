@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// A job store in a fresh folder with a clock that stands still until it is told to move.
+// A job store in a fresh folder, or in a fresh schema of this program's PostgreSQL server, with a clock that stands still until it is told
+// to move.
 #pragma once
 
 #include <gtest/gtest.h>
 
 #include <filesystem>
 
+#include "server/jobs/postgres_job_store.h"
 #include "server/jobs/sqlite_job_store.h"
+#include "support/postgres_server.h"
 
 namespace gobo::test {
 
@@ -14,24 +17,46 @@ struct StoreFixture : ::testing::Test {
   std::string folder;
   double time = 1000;
   JobStoreOptions options;
-  std::unique_ptr<SqliteJobStore> store;
+  std::unique_ptr<SqlJobStore> store;
 
+  virtual bool postgres() const { return false; }
   void SetUp() override {
-    folder = (std::filesystem::temp_directory_path() / "gobo-jobs-XXXXXX").string();
-    ASSERT_NE(::mkdtemp(folder.data()), nullptr);
+    makePlace();
+    if (IsSkipped() || HasFatalFailure()) return;
     options.now = [this] { return time; };
     open();
   }
+  void makePlace() {
+    if (postgres()) {
+      if (const std::string why = withoutPostgres(); !why.empty()) GTEST_SKIP() << why;
+      dropSchema();
+    }
+    folder = (std::filesystem::temp_directory_path() / "gobo-jobs-XXXXXX").string();
+    ASSERT_NE(::mkdtemp(folder.data()), nullptr);
+  }
   void TearDown() override {
     store.reset();
-    std::filesystem::remove_all(folder);
+    if (!folder.empty()) std::filesystem::remove_all(folder);
+  }
+  static void dropSchema() {
+    Postgres db(postgresServer().uri(), 5);
+    ASSERT_TRUE(db.connect().ok());
+    ASSERT_TRUE(db.exec("SET client_min_messages = error; DROP SCHEMA IF EXISTS gobo CASCADE").ok());
   }
   std::string path() const { return folder + "/jobs.sqlite"; }
   void open() {
     store.reset();
-    auto opened = SqliteJobStore::open(path(), options);
+    auto opened = another();
     ASSERT_TRUE(opened.ok()) << opened.status().toString();
     store = std::move(*opened);
+  }
+  /// As another process opens it.
+  Result<std::unique_ptr<SqlJobStore>> another() const {
+    const auto upcast = [](auto opened) -> Result<std::unique_ptr<SqlJobStore>> {
+      if (!opened.ok()) return opened.status();
+      return std::unique_ptr<SqlJobStore>(std::move(*opened));
+    };
+    return postgres() ? upcast(PostgresJobStore::open(postgresServer().uri(), options)) : upcast(SqliteJobStore::open(path(), options));
   }
   static NewJob makeJob(int frames = 1, const std::string& key = "", v1::JobSpec::Priority priority = v1::JobSpec::MEDIUM, double deadline = 0) {
     NewJob job;
@@ -72,5 +97,13 @@ struct StoreFixture : ::testing::Test {
     return {f};
   }
 };
+
+/// `Fixture` for each kind of store: a test that is written with TEST_P holds for both. INSTANTIATE_TEST_SUITE_P(Stores, SUITE, kBothStores, storeName).
+template <typename Fixture>
+struct OnEachStore : Fixture, ::testing::WithParamInterface<bool> {
+  bool postgres() const override { return GetParam(); }
+};
+inline const auto kBothStores = ::testing::Bool();
+inline std::string storeName(const ::testing::TestParamInfo<bool>& info) { return info.param ? "Postgres" : "Sqlite"; }
 
 }  // namespace gobo::test

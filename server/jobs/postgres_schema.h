@@ -1,0 +1,9 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+namespace gobo {
+
+/// The schema "gobo", version 1: the tables of docs/job_store.md. Run in one transaction, with search_path = gobo.
+extern const char* const kPostgresSchema;
+
+}  // namespace gobo
