@@ -78,7 +78,8 @@ Result<std::string> workFolder(const BisectCommand& command, const Commits& comm
 }
 
 /// All of what a verdict depends on beside the commit: the suite, its cases and what is accepted for them, how a commit is built. Scene files by size and time.
-std::string questionOf(const BisectCommand& command, const Suite& suite, const std::vector<std::string>& cases, const std::map<std::string, Accepted>& accepted) {
+std::string questionOf(const BisectCommand& command, const Suite& suite, const std::vector<std::string>& cases,
+                       const std::map<std::string, Accepted>& accepted) {
   BisectJson j = {{"suite", readAll(suite.file)}, {"build", command.build}, {"program", command.program}, {"timeout", command.limitSeconds}};
   for (const RegressCase& c : suite.cases) {
     const auto entry = accepted.find(c.name);
@@ -96,8 +97,13 @@ class Bisect {
  public:
   Bisect(const SessionOptions& session, const BisectCommand& command, const Suite& suite, Commits commits, std::string work, std::vector<std::string> cases,
          std::string question)
-      : session_(session), command_(command), suiteFile_(fs::absolute(suite.file).string()), commits_(std::move(commits)), work_(std::move(work)),
-        cases_(std::move(cases)), question_(std::move(question)) {}
+      : session_(session),
+        command_(command),
+        suiteFile_(fs::absolute(suite.file).string()),
+        commits_(std::move(commits)),
+        work_(std::move(work)),
+        cases_(std::move(cases)),
+        question_(std::move(question)) {}
 
   /// What is known of a commit, or else what a build and a run of it say.
   Result<const Found*> look(const Commit& commit) {
@@ -201,14 +207,22 @@ bool isBad(const CaseRecord* c) { return c && (c->status == CaseStatus::Changed 
 struct FirstBad {
   std::vector<Commit> suspects;
   Commit before;
-  Found was, now;               ///< of the commit before the suspects, and of the last suspect
+  Found was, now;                  ///< of the commit before the suspects, and of the last suspect
   std::vector<std::string> later;  ///< cases that are bad in the end and were not yet then
 };
 
 BisectJson figuresOf(const CaseRecord* c) {
   if (!c) return nullptr;
-  return {{"status", statusName(c->status)}, {"excess", c->excess},         {"mean_reference", c->meanReference}, {"mean_now", c->meanNow}, {"rmse", c->rmse},
-          {"noise_rmse", c->noiseRmse},      {"strongest", c->strongest}, {"ms", c->facts.ms},                  {"rays", c->facts.rays}, {"message", c->message}};
+  return {{"status", statusName(c->status)},
+          {"excess", c->excess},
+          {"mean_reference", c->meanReference},
+          {"mean_now", c->meanNow},
+          {"rmse", c->rmse},
+          {"noise_rmse", c->noiseRmse},
+          {"strongest", c->strongest},
+          {"ms", c->facts.ms},
+          {"rays", c->facts.rays},
+          {"message", c->message}};
 }
 
 void printJson(const FirstBad& answer, const std::vector<std::string>& cases, const Bisect& bisect) {
@@ -236,11 +250,12 @@ void printAnswer(const FirstBad& answer, const std::vector<std::string>& cases, 
   for (const std::string& name : cases)
     for (const auto& [commit, found] : {std::pair(&answer.before, &answer.was), std::pair(&bad, &answer.now)})
       if (const CaseRecord* c = caseNamed(*found, name))
-        rows.push_back({name, commit->shortId(), statusName(c->status), strf("%.1f", c->excess), meanText(*c), strf("%.3g", c->rmse), strf("%.3g", c->noiseRmse), escaped(c->message)});
+        rows.push_back({name, commit->shortId(), statusName(c->status), strf("%.1f", c->excess), meanText(*c), strf("%.3g", c->rmse),
+                        strf("%.3g", c->noiseRmse), escaped(c->message)});
   printTable({"case", "commit", "status", "excess", "mean", "RMSE", "of noise", "what"}, rows, {false, false, false, true, true, true, true, false});
   for (const std::string& name : answer.later)
-    std::printf("Case \"%s\" changed later: gobo regress bisect %s %s --good %s --bad %s\n", name.c_str(), command.suite.c_str(), name.c_str(), bad.shortId().c_str(),
-                command.bad.c_str());
+    std::printf("Case \"%s\" changed later: gobo regress bisect %s %s --good %s --bad %s\n", name.c_str(), command.suite.c_str(), name.c_str(),
+                bad.shortId().c_str(), command.bad.c_str());
   std::printf("%d built; pictures and logs: %s\n", bisect.builds(), bisect.folder(bad).c_str());
 }
 
@@ -273,8 +288,8 @@ Result<int> runBisection(const SessionOptions& session, const BisectCommand& com
     GOBO_ASSIGN(const Found* const found, bisect.look(commit));
     say(commit, *found, "");
     if (found->judged.verdict == wanted) return {};
-    return invalidArgument(std::string(option) + " = \"" + revision + "\" (" + commit.shortId() + "): " +
-                           (found->judged.verdict == Verdict::Skip ? "cannot be told" : instead) + ": " + found->judged.why);
+    return invalidArgument(std::string(option) + " = \"" + revision + "\" (" + commit.shortId() +
+                           "): " + (found->judged.verdict == Verdict::Skip ? "cannot be told" : instead) + ": " + found->judged.why);
   };
   GOBO_TRY(end("--good", command.good, good, Verdict::Good, "fails already"));
   GOBO_TRY(end("--bad", command.bad, bad, Verdict::Bad, "passes"));

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A program as a child: in a process group of its own, so that all of a build ends together; without what would lead it elsewhere (GIT_*, GOBO_SERVER, GOBO_TOKEN).
+// A program as a child: in a process group of its own, so that all of a build ends together; without what would lead it elsewhere (GIT_*, GOBO_SERVER,
+// GOBO_TOKEN).
 #pragma once
 
 #include <functional>

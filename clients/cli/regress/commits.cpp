@@ -30,7 +30,8 @@ Result<Commit> commitOf(const std::string& text) {
 
 /// git in the clone, whose folders are named: where it is damaged, git must not find a repository around it instead.
 std::vector<std::string> gitInTree(const std::string& tree, const std::vector<std::string>& words) {
-  std::vector<std::string> all{"git", "-C", tree, "--git-dir=" + tree + "/.git", "--work-tree=" + tree, "-c", "core.hooksPath=/dev/null", "-c", "advice.detachedHead=false"};
+  std::vector<std::string> all{
+      "git", "-C", tree, "--git-dir=" + tree + "/.git", "--work-tree=" + tree, "-c", "core.hooksPath=/dev/null", "-c", "advice.detachedHead=false"};
   all.insert(all.end(), words.begin(), words.end());
   return all;
 }
@@ -66,8 +67,7 @@ Result<std::vector<Commit>> Commits::line(const Commit& good, const Commit& bad)
   const std::string both = "--good = " + good.shortId() + ", --bad = " + bad.shortId() + ": ";
   if (good.id == bad.id) return invalidArgument(both + "are the same commit");
   const auto isAncestor = [&](const Commit& a, const Commit& b) { return outputOf(git({"merge-base", "--is-ancestor", a.id, b.id})).ok(); };
-  if (!isAncestor(good, bad))
-    return invalidArgument(both + "good must be an ancestor of bad" + (isAncestor(bad, good) ? ": it is the other way round" : ""));
+  if (!isAncestor(good, bad)) return invalidArgument(both + "good must be an ancestor of bad" + (isAncestor(bad, good) ? ": it is the other way round" : ""));
   GOBO_ASSIGN(const std::string said, outputOf(git({"rev-list", "--first-parent", "--reverse", "--no-commit-header", kCommitFormat, good.id + ".." + bad.id})));
   std::vector<Commit> out;
   std::istringstream lines(said);
@@ -78,7 +78,8 @@ Result<std::vector<Commit>> Commits::line(const Commit& good, const Commit& bad)
   // Else the oldest one's parent is a commit that nobody called good.
   GOBO_ASSIGN(const std::string before, outputOf(git({"rev-parse", out.front().id + "^1"})));
   if (firstLine(before) != good.id)
-    return invalidArgument(both + "good is an ancestor of bad, but not along first parents: it came by a merge. The line's own commit there is " + firstLine(before));
+    return invalidArgument(both + "good is an ancestor of bad, but not along first parents: it came by a merge. The line's own commit there is " +
+                           firstLine(before));
   return out;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A git repository as `gobo regress bisect` needs it: read alone. Commits are built in a clone elsewhere that borrows its objects, so that neither its worktree, index,
-// branches nor its list of worktrees know of it.
+// A git repository as `gobo regress bisect` needs it: read alone. Commits are built in a clone elsewhere that borrows its objects, so that neither its
+// worktree, index, branches nor its list of worktrees know of it.
 #pragma once
 
 #include <string>
@@ -24,7 +24,8 @@ class Commits {
   static Result<Commits> open(const std::string& folder);
   /// Errors: InvalidArgument "OPTION = REVISION: ...".
   Result<Commit> find(const std::string& option, const std::string& revision) const;
-  /// Commits after `good` up to `bad` along first parents, oldest first; not empty. Errors: InvalidArgument that names --good and --bad where good is not on that line.
+  /// Commits after `good` up to `bad` along first parents, oldest first; not empty. Errors: InvalidArgument that names --good and --bad where good is not on
+  /// that line.
   Result<std::vector<Commit>> line(const Commit& good, const Commit& bad) const;
   /// The commit's files in `tree`, a clone that is made where there is none. What git ignores there (a build folder) stays, all else is the commit's.
   Status checkOut(const Commit& commit, const std::string& tree) const;
