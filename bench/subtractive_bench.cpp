@@ -6,7 +6,8 @@
 // Arguments: --scene NAME|FILE --env FILE|sky --set assignments of the request, separated by spaces --size WxH --lights N,N,... --resolutions R,R,... --forms
 // F,F,...
 //            --table46: the source's table instead, of --scenes NAME|FILE,... under --maps FILE|sky,... (bright_lights: the first of --bright)
-//            --unshadowed WAY (where C comes from) --bright N,N,... (bright_lights) --extract-by WAY --reference N (each half) --threads N --out PATH --pictures PREFIX (writes .exr)
+//            --unshadowed WAY (where C comes from) --bright N,N,... (bright_lights) --extract-by WAY --reference N (each half) --threads N --out PATH
+//            --pictures PREFIX (writes .exr)
 //            --plot PREFIX: PREFIX_lights.png and PREFIX_time.png
 #include <algorithm>
 

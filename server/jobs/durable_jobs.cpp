@@ -60,7 +60,11 @@ Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunne
   options.marks = self->marks_.get();
   options.holder = std::to_string(::getpid()) + "-" + std::to_string(random());
   self->worker_ = std::make_unique<JobWorker>(engine, runner, *self->store_, self->files_, *self->scenes_, self->hub_, options);
-  if (farm) self->news_ = std::make_unique<JobNews>(config.jobsStore, [hub = &self->hub_](bool steered) { steered ? hub->steered() : hub->changed(); });
+  const auto tell = [hub = &self->hub_](bool steered) {
+    if (steered) hub->steered();
+    else hub->changed();
+  };
+  if (farm) self->news_ = std::make_unique<JobNews>(config.jobsStore, tell);
   self->mind();  // leases of a daemon that is gone, at once
   self->minder_.start(std::chrono::seconds(1), [s = self.get()] { s->mind(); });
   return self;
