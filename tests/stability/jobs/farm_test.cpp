@@ -119,7 +119,7 @@ TEST(Farm, NothingLostNothingTwiceTheSameBits) {
     EXPECT_EQ(job.frames_done(), 3u);
     const auto whole = engine->render(spec(i).request());
     ASSERT_TRUE(whole.ok());
-    const std::vector<uint8_t> bits = rawBytes(whole->images[0].pixels(), false);
+    const std::vector<uint8_t> bits = rawBytes(whole->images[0].pixels(), false).copy();
     for (const v1::Frame& frame : job.frames()) {
       EXPECT_EQ(frame.attempts(), 1u) << job.id();
       ASSERT_EQ(frame.files_size(), 1);
