@@ -2,6 +2,7 @@
 #include "fuzz/served/rendered_request.h"
 #include "import/load.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -90,7 +91,7 @@ std::string encoded(RenderResult& a, RenderResult& b) {
   if (!y.ok()) return "encoded once, but not twice: " + y.status().toString();
   if (x->size() != y->size()) return "another number of files";
   for (size_t i = 0; i < x->size(); ++i)
-    if ((*x)[i].bytes != (*y)[i].bytes) return "file " + (*x)[i].descriptor.output() + " has other bytes";
+    if (!std::ranges::equal((*x)[i].bytes, (*y)[i].bytes)) return "file " + (*x)[i].descriptor.output() + " has other bytes";
   return {};
 }
 
