@@ -179,7 +179,7 @@ TEST(ClusteredTable, MissesWhatItStates) {
       const Missed missed = missedBy(t, *table, 25, t.clusters());
       double stated = 0, found = 0;
       for (size_t c = 0; c < t.clusters(); ++c) {
-        EXPECT_LE(missed.worst[c], t.bound[c]);
+        EXPECT_LE(missed.worst[c], t.bound[c] * (1 + 1e-12));  // the same sums, compiled twice
         EXPECT_NEAR(missed.squared[c], t.squared[c], 1e-12 * missed.squared[c]);
         stated += t.discarded[c];
         found += missed.squared[c];

@@ -40,8 +40,11 @@ std::vector<int> nurseries() {
 }
 
 bool readersBecome(int number) {
-  for (int tries = 0; tries < 2000 && readersNow() != number; ++tries) ::usleep(10000);
-  return readersNow() == number;
+  for (int tries = 0; tries < 2000; ++tries) {  // seen once: a look between a fork and what it leads to counts otherwise
+    if (readersNow() == number) return true;
+    ::usleep(10000);
+  }
+  return false;
 }
 
 class Forked : public ::testing::Test {
