@@ -79,7 +79,7 @@ endfunction()
 
 # Precompiled headers: half of a compilation is reading the same headers again. cmake/pch/HEADER.h, compiled once for all targets that may
 # include it: only definitions that the headers themselves read must be the same.
-function(gobo_precompiled_with target header library)
+function(gobo_precompiled_with target header library)   # and further options, of both
   set(holder gobo_pch_${header})
   if(NOT TARGET ${holder})
     set(empty ${CMAKE_BINARY_DIR}/pch/${holder}.cpp)
@@ -87,9 +87,11 @@ function(gobo_precompiled_with target header library)
     add_library(${holder} OBJECT ${empty})
     target_include_directories(${holder} PRIVATE ${CMAKE_SOURCE_DIR}/cmake ${CMAKE_SOURCE_DIR}/renderer)
     target_link_libraries(${holder} PRIVATE ${library})
+    target_compile_options(${holder} PRIVATE ${ARGN})
     target_precompile_headers(${holder} PRIVATE ${CMAKE_SOURCE_DIR}/cmake/pch/${header}.h)
   endif()
   target_include_directories(${target} PRIVATE ${CMAKE_SOURCE_DIR}/cmake)
+  target_compile_options(${target} PRIVATE ${ARGN})
   target_precompile_headers(${target} REUSE_FROM ${holder})
 endfunction()
 
@@ -107,7 +109,7 @@ endfunction()
 
 function(gobo_precompiled_tests target)
   if("gobo_server" IN_LIST ARGN)
-    gobo_precompiled_with(${target} test_calls "gobo_grpc;GTest::gtest_main")
+    gobo_precompiled_with(${target} test_calls "gobo_grpc;GTest::gtest_main" ${GOBO_WAITING_TESTS})
   elseif(target MATCHES "^test_unit_(scene|trace|base|device|measure)$")
     gobo_precompiled_with(${target} test GTest::gtest_main)
   else()
