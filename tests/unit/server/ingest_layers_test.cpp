@@ -113,8 +113,10 @@ TEST(IngestLayers, ScenesAndEnvironmentMapsAreReadBehindTheSame) {
   EXPECT_EQ(scene.active.size() + scene.missing.size(), 7u) << joined(scene);
 
   SandboxProbe probe(""), wrong("/no/such/program");
+#ifndef GOBO_THREAD_SANITIZER  // its own thread is there from the start of a program, and a namespace of users is for processes of one
   EXPECT_EQ(probe.layers(60).active, scene.active);
   EXPECT_EQ(probe.layers(60).missing, scene.missing);
+#endif
   EXPECT_NE(joined(wrong.layers(60)).find("ingest.program"), std::string::npos) << joined(wrong.layers(60));
 }
 
