@@ -23,7 +23,8 @@ demo: build
 test: deps
 	@[ -f $(BUILD)/build.ninja ] || $(CONFIGURE)
 	@ninja -C $(BUILD) -j $(JOBS)
-	@cd $(BUILD) && ctest --output-on-failure -j $$(($(JOBS) + 1)) --repeat until-pass:2   # one more than cores: many tests wait; a test that kills processes may meet a busy machine; ctest says which ran twice
+	@cd $(BUILD) && ctest --output-on-failure -j $$(($(JOBS) + 1)) --repeat until-pass:2 \
+	  || { ctest --rerun-failed --output-on-failure; exit 1; }   # what failed stands at the end; one more than cores: many tests wait; a test that kills processes may meet a busy machine; ctest says which ran twice
 
 # What to run between two edits: the unit tests of the renderer, without the daemon.
 CHECKED = unit_base unit_scene unit_trace unit_terms unit_filters unit_measure unit_plan render_replies
