@@ -73,7 +73,7 @@ grpc::Status TokenBook::identify(const grpc::ServerContext& context, Principal& 
       if (needed) return refuse("authorization: none was sent; this server wants \"authorization: Bearer TOKEN\" metadata");
     }
     who.name = inProcess ? "local" : clientName(context, "");
-    who.admin = true;  // of a daemon without tokens, or its own user; Shutdown asks for `local` as well
+    who.admin = who.worker = true;  // of a daemon without tokens, or its own user; Shutdown asks for `local` as well
     return grpc::Status::OK;
   }
   if (std::next(first) != last) return refuse("authorization: sent more than once");
@@ -84,6 +84,7 @@ grpc::Status TokenBook::identify(const grpc::ServerContext& context, Principal& 
   if (!found) return refuse("authorization: the token is not known to this server");
   who.name = found->config->name;
   who.admin = found->config->admin;
+  who.worker = who.admin || found->config->worker;
   who.token = found->config;
   who.use = found->use;
   return grpc::Status::OK;

@@ -28,7 +28,7 @@ struct TokenUse {
 struct Principal {
   std::string name;    ///< of the token; else "unix", "local", or the peer's host
   bool local = false;  ///< Unix socket or this process
-  bool admin = false;
+  bool admin = false, worker = false;
   std::shared_ptr<const TokenConfig> token;  ///< null: none was shown, and none is needed here
   std::shared_ptr<TokenUse> use;             ///< with a token
   /// Takes one request out of the bucket. 0: taken; else seconds until there is one.

@@ -24,6 +24,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kNameLetters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
+
 using Key = std::function<Status(const toml::node&)>;  // errors hold the reason only; the caller adds file:line and key
 
 std::string shown(const toml::node& node) {
@@ -133,7 +135,8 @@ std::map<std::string, Key> tokenKeys(TokenConfig& t, std::vector<std::string>& r
           {"tokens.max_s", number(t.maxSeconds, 0, 86400)},
           {"tokens.upload_bytes", bytes(t.uploadBytes)},
           {"tokens.roots", texts(roots, folder)},
-          {"tokens.admin", boolean(t.admin)}};
+          {"tokens.admin", boolean(t.admin)},
+          {"tokens.worker", boolean(t.worker)}};
 }
 
 Key tokens(std::vector<TokenConfig>& target, const Fix& folder, const std::string& file) {
@@ -228,11 +231,21 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"scheduler.drain_s", number(c.drainSeconds, 0, 86400)},
       {"jobs.folder", text(c.jobsFolder, folder)},
       {"jobs.store", text(c.jobsStore)},
-      {"jobs.workers", integer(c.jobsWorkers, 1, 64)},
+      {"jobs.workers", integer(c.jobsWorkers, 0, 64)},
       {"jobs.lease_s", number(c.jobsLeaseSeconds, 1, 86400)},
       {"jobs.checkpoint_s", number(c.jobsCheckpointSeconds, 0.05, 86400)},
       {"jobs.keep_bytes", bytes(c.jobsKeepBytes)},
       {"jobs.keep_days", number(c.jobsKeepDays, 0, 36500)},
+      {"farm.workers", integer(c.farmWorkers, 0, 1u << 16)},
+      {"farm.coordinator", text(c.farmCoordinator, address)},
+      {"farm.name", text(c.farmName)},
+      {"farm.folder", text(c.farmFolder, folder)},
+      {"farm.cache_bytes", bytes(c.farmCacheBytes)},
+      {"farm.tls", boolean(c.farmTls)},
+      {"farm.ca", text(c.farmCa, folder)},
+      {"farm.cert", text(c.farmCert, folder)},
+      {"farm.key", text(c.farmKey, folder)},
+      {"farm.token_file", text(c.farmTokenFile, folder)},
   };
 }
 
@@ -344,12 +357,13 @@ Result<Address> parseAddress(const std::string& text) {
 }
 
 uint64_t callsThatMayWait(const ServerConfig& c) {
-  return uint64_t(c.running) + c.queuedInteractive + c.queuedNormal + c.queuedBatch + c.watches + c.uploadsAtOnce + c.loadsAtOnce + LoadGate::kWaiting +
+  return uint64_t(c.running) + c.queuedInteractive + c.queuedNormal + c.queuedBatch + c.watches + c.farmWorkers + c.uploadsAtOnce + c.loadsAtOnce + LoadGate::kWaiting +
          Sessions::kWaiting;
 }
 
 Status checkConfig(ServerConfig& c) {
-  if (c.listen.empty()) c.listen.push_back(defaultAddress());
+  // A worker serves nobody but its coordinator, unless it is told to.
+  if (c.listen.empty() && c.farmCoordinator.empty()) c.listen.push_back(defaultAddress());
   GOBO_TRY(checkSecurity(c));
   GOBO_TRY(parseLogLevel(c.logLevel).status());
   GOBO_TRY(parseLogFormat(c.logFormat).status());
@@ -367,7 +381,7 @@ Status checkConfig(ServerConfig& c) {
                            " must be at least 64 KiB below limits.message_bytes = " + std::to_string(c.messageBytes));
   // Without spare ones a full queue would lock out status, cancellation and health checks.
   const uint64_t waiting = callsThatMayWait(c);
-  GOBO_TRY(least("limits.rpc_threads (16 more than scheduler.running, the three queues, limits.watches, uploads_at_once, loads_at_once and 96 together)",
+  GOBO_TRY(least("limits.rpc_threads (16 more than scheduler.running, the three queues, limits.watches, farm.workers, uploads_at_once, loads_at_once and 96 together)",
                  c.rpcThreads, waiting + 16));
   GOBO_TRY(least("limits.request_bytes", c.requestBytes, 1ull << 20));
   GOBO_TRY(least("limits.reply_bytes", c.replyBytes, 16ull << 20));
@@ -384,6 +398,12 @@ Status checkConfig(ServerConfig& c) {
     if (const Status uri = checkPostgresUri(c.jobsStore); !uri.ok()) return invalidArgument("jobs.store " + uri.message());  // never with the value
     if (c.jobsFolder.empty()) return invalidArgument("jobs.store is set, but not jobs.folder, which has the results and which the daemons share");
   }
+  if (!c.farmCoordinator.empty()) {
+    GOBO_TRY(parseAddress(c.farmCoordinator).status().at("farm.coordinator"));
+    if (!c.jobsFolder.empty()) return invalidArgument("farm.coordinator and jobs.folder are set: a worker has no queue of its own");
+  }
+  if (c.farmName.size() > 64 || c.farmName.find_first_not_of(kNameLetters) != std::string::npos)
+    return invalidArgument("farm.name = \"" + escaped(c.farmName.substr(0, 80)) + "\": must be at most 64 letters, digits and ._-");
   if (c.ingestCacheFolder.empty() && !c.cacheFolder.empty()) c.ingestCacheFolder = c.cacheFolder + "/ingest";
   if (c.blobsFolder.empty() && !c.cacheFolder.empty()) c.blobsFolder = c.cacheFolder + "/blobs";
   for (const std::string& root : c.roots) {

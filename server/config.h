@@ -26,7 +26,8 @@ struct TokenConfig {
   double maxSeconds = 0;                          ///< of one request, from its arrival
   uint64_t uploadBytes = 0;                       ///< of one upload, below limits.upload_bytes
   std::optional<std::vector<std::string>> roots;  ///< if given: the only folders whose files it may name
-  bool admin = false;                             ///< DropCaches, rows of ListTerms, PinTerms, Shutdown
+  bool admin = false;                             ///< DropCaches, rows of ListTerms, PinTerms, Shutdown; workers' calls too
+  bool worker = false;                            ///< the calls of a farm's workers (docs/farm.md)
   bool operator==(const TokenConfig&) const = default;
 };
 
@@ -67,7 +68,7 @@ struct ServerConfig {
   uint64_t environmentBytes = 2ull << 30;   ///< environment maps in memory
   uint64_t accelBytes = 4ull << 30;         ///< ray tracing structures kept between renders
 
-  uint32_t rpcThreads = 512;  ///< concurrent calls, waiting renders included; one more is refused
+  uint32_t rpcThreads = 640;  ///< concurrent calls, waiting renders included; one more is refused
   uint32_t streamsPerConnection = 64;
   uint64_t messageBytes = 64ull << 20;
   uint64_t rpcMemoryBytes = 1ull << 30;  ///< gRPC resource quota
@@ -110,6 +111,15 @@ struct ServerConfig {
   double jobsLeaseSeconds = 30, jobsCheckpointSeconds = 30;
   uint64_t jobsKeepBytes = 64ull << 30;  ///< results of jobs that are over
   double jobsKeepDays = 30;
+
+  // [farm]: docs/farm.md
+  uint32_t farmWorkers = 64;                     ///< that may attend at once
+  std::string farmCoordinator;                   ///< address of the daemon whose frames this one renders; empty: none, it serves its own
+  std::string farmName;                          ///< of this worker; the host's if empty
+  std::string farmFolder;                        ///< scenes, maps, pictures on their way; a new one in tmpFolder if empty, removed at the end
+  uint64_t farmCacheBytes = 16ull << 30;         ///< of scenes and maps that are kept there
+  bool farmTls = false;                          ///< of the way to the coordinator, also with one of the files
+  std::string farmCa, farmCert, farmKey, farmTokenFile;
 };
 
 /// "unix:/tmp/gobo-UID.sock".

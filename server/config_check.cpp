@@ -99,6 +99,13 @@ std::vector<std::string> fixedKeysThatDiffer(const ServerConfig& a, const Server
   differ("blobs.folder", a.blobsFolder != b.blobsFolder);
   differ("blobs.bytes", a.blobsBytes != b.blobsBytes);
   differ("jobs.store", a.jobsStore != b.jobsStore);
+  differ("farm.workers", a.farmWorkers != b.farmWorkers);
+  differ("farm.coordinator", a.farmCoordinator != b.farmCoordinator);
+  differ("farm.name", a.farmName != b.farmName);
+  differ("farm.folder", a.farmFolder != b.farmFolder);
+  differ("farm.cache_bytes", a.farmCacheBytes != b.farmCacheBytes);
+  differ("farm (tls, ca, cert, key, token_file)", a.farmTls != b.farmTls || a.farmCa != b.farmCa || a.farmCert != b.farmCert || a.farmKey != b.farmKey ||
+                                                      a.farmTokenFile != b.farmTokenFile);
   differ("limits.request_bytes", a.requestBytes != b.requestBytes);
   differ("limits.connections", a.connections != b.connections);
   differ("limits.connections_per_peer", a.connectionsPerPeer != b.connectionsPerPeer);

@@ -17,6 +17,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "server/farm/farm_worker.h"
 #include "server/freed_memory.h"
 #include "server/jobs/postgres_job_store.h"
 #include "server/notify.h"
@@ -29,7 +30,7 @@ constexpr double kGraceSeconds = 1.5;  // after the drain: what does not stop by
 
 /// What the command line and, below it, the environment say over the file, at the start and at every reload.
 struct Flags {
-  std::string configFile, cache, logLevel, logFormat, tmp, store, http, web, jobsStore;
+  std::string configFile, cache, logLevel, logFormat, tmp, store, http, web, jobsStore, worker, workerName;
   std::vector<std::string> listen, roots;
   int threads = -1;
 };
@@ -56,6 +57,8 @@ gobo::Result<gobo::ServerConfig> configure(const Flags& f) {
   if (!f.http.empty()) config.httpListen = f.http;
   if (!f.web.empty()) config.webListen = f.web;
   if (!f.jobsStore.empty()) config.jobsStore = f.jobsStore;
+  if (!f.worker.empty()) config.farmCoordinator = f.worker;
+  if (!f.workerName.empty()) config.farmName = f.workerName;
   if (!f.store.empty()) {
     const auto bytes = gobo::parseBytes(f.store);
     if (!bytes.ok()) return bytes.status().at("--store");
@@ -107,12 +110,14 @@ int main(int argc, char** argv) {
   app.add_option("--web", flags.web, "HOST:PORT of the viewer in a browser and of calls over HTTP")->envname("GOBO_WEB");
   app.add_option("--tmp", flags.tmp, "folder for uploads")->envname("GOBO_TMP");
   app.add_option("--jobs-store", flags.jobsStore, "postgresql://... of the queue that several daemons share (jobs.store)")->envname("GOBO_JOBS_STORE");
+  app.add_option("--worker", flags.worker, "render frames of the jobs of the daemon at this address (farm.coordinator; docs/farm.md)")->envname("GOBO_WORKER");
+  app.add_option("--worker-name", flags.workerName, "how the coordinator calls this worker; the host's name")->envname("GOBO_WORKER_NAME");
   app.add_flag("--check", check, "check the configuration and leave");
   app.add_flag("--version", version, "print the version");
   app.footer(
       "Flags override the environment, which overrides the configuration file: GOBO_LISTEN and GOBO_ROOT (several with commas\n"
       "between them), GOBO_CONFIG, GOBO_CACHE, GOBO_STORE, GOBO_THREADS, GOBO_LOG, GOBO_LOG_FORMAT, GOBO_HTTP, GOBO_WEB, GOBO_TMP,\n"
-      "GOBO_JOBS_STORE.\n"
+      "GOBO_JOBS_STORE, GOBO_WORKER, GOBO_WORKER_NAME. A worker without --listen has no socket of its own.\n"
       "SIGTERM and SIGINT drain: running renders finish (scheduler.drain_s), a\n"
       "second signal ends at once. SIGHUP reads the configuration again. Exit codes: 0 ok, 2 bad configuration, 4 address in use.");
   try {
@@ -162,6 +167,7 @@ int main(int argc, char** argv) {
   for (const std::string& address : server.addresses()) where += (where.empty() ? "" : ", ") + address;
   if (!server.httpAddress().empty()) where += ", http://" + server.httpAddress();
   if (!server.webAddress().empty()) where += ", " + server.webAddress();
+  if (server.worker()) where += (where.empty() ? "" : ", ") + ("worker " + server.worker()->name() + " of " + config.farmCoordinator);
   const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begun).count();
   std::printf("gobod ready on %s in %.0f ms\n", where.c_str(), ms);
   std::fflush(stdout);

@@ -152,6 +152,11 @@ grpc::Status Rpc::needAdmin(const char* what) {
   return refuse("admin", {Code::PermissionDenied, std::string(what) + " needs a token with admin = true; \"" + who_.name + "\" has not"});
 }
 
+grpc::Status Rpc::needWorker(const char* what) {
+  if (who_.worker) return grpc::Status::OK;
+  return refuse("worker", {Code::PermissionDenied, std::string(what) + " needs a token with worker = true or admin = true; \"" + who_.name + "\" has neither"});
+}
+
 Result<std::string> Rpc::client(const std::string& named) const {
   if (who_.token) {
     if (named.empty() || named == who_.name || !core_.tokens.isName(named)) return who_.name;

@@ -49,6 +49,8 @@ class Rpc {
   grpc::Status refuseDraining();
   /// PERMISSION_DENIED unless the caller has the admin right.
   grpc::Status needAdmin(const char* what);
+  /// The same for the right of workers.
+  grpc::Status needWorker(const char* what);
 
   /// The client of the fair share: the token's name; else `named` (scheduling.client), which may not be a token's name; else the peer.
   Result<std::string> client(const std::string& named) const;

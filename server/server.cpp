@@ -19,6 +19,8 @@
 #include "server/admin_service.h"
 #include "server/blobs_service.h"
 #include "server/config_check.h"
+#include "server/farm/farm_service.h"
+#include "server/farm/farm_worker.h"
 #include "server/file_store.h"
 #include "server/ingest_loader.h"
 #include "server/jobs/jobs_service.h"
@@ -28,12 +30,13 @@
 namespace gobo {
 
 struct Server::Services {
-  explicit Services(ServerCore& core) : scenes(core), render(core), blobs(core), admin(core), jobs(core) {}
+  explicit Services(ServerCore& core) : scenes(core), render(core), blobs(core), admin(core), jobs(core), farm(core) {}
   ScenesService scenes;
   RenderService render;
   BlobsService blobs;
   AdminService admin;
   JobsService jobs;
+  farm::FarmService farm;
 };
 
 namespace {
@@ -51,7 +54,7 @@ uint32_t connectionsFor(const ServerConfig& config) {
   return uint32_t(most);
 }
 
-const char* const kServiceNames[] = {"gobo.v1.Scenes", "gobo.v1.Render", "gobo.v1.Blobs", "gobo.v1.Admin", "gobo.v1.Jobs"};
+const char* const kServiceNames[] = {"gobo.v1.Scenes", "gobo.v1.Render", "gobo.v1.Blobs", "gobo.v1.Admin", "gobo.v1.Jobs", "gobo.v1.Farm"};
 
 // Linking gRPC's reflection library installs it in every server; this takes it out again unless it is asked for.
 class NoReflection final : public grpc::ServerBuilderOption {
@@ -160,6 +163,7 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   builder.RegisterService(&self->services_->blobs);
   builder.RegisterService(&self->services_->admin);
   builder.RegisterService(&self->services_->jobs);
+  builder.RegisterService(&self->services_->farm);
 
   if (sockets && config.tls.on()) {
     GOBO_ASSIGN(TlsFiles files, readTls(config.tls));
@@ -239,6 +243,7 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
     if (!opened.ok()) return Status(opened.status().code(), "web.listen: " + opened.status().message());
     self->door_ = std::move(*opened);
   }
+  if (!config.farmCoordinator.empty()) { GOBO_ASSIGN(self->worker_, farm::FarmWorker::start(*self->engine_, self->core_->jobs, config)); }
   self->setServing(true);
   self->core_->onDrain = [raw = self.get()] { raw->setServing(false); };
   return self;
@@ -289,6 +294,7 @@ std::shared_ptr<grpc::Channel> Server::inProcessChannel() {
 void Server::shutdown(double drainSeconds) {
   if (!server_) return;
   core_->drain();            // health says so first
+  if (worker_) worker_->stop();
   if (jobs_) jobs_->stop();  // their frames go on after the next start: nobody needs to wait for them
   if (!core_->waitIdle(drainSeconds)) {
     logWarn("%zu calls still run after %.1f s: cancelling them", core_->running(), drainSeconds);

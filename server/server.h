@@ -18,6 +18,10 @@
 
 namespace gobo {
 
+namespace farm {
+class FarmWorker;
+}
+
 EngineOptions engineOptions(const ServerConfig& config);
 
 class Server {
@@ -36,6 +40,8 @@ class Server {
   /// Of /metrics, /health and /ready; empty without.
   std::string httpAddress() const { return http_ ? http_->address() : std::string(); }
   ServerCore& core() { return *core_; }
+  /// Of a daemon that renders a coordinator's frames (farm.coordinator); else null.
+  const farm::FarmWorker* worker() const { return worker_.get(); }
 
   /// Takes over what may change at run time: tokens, TLS files, roots, log, limits, drain_s. All or nothing: when anything of
   /// `next` (which has passed checkConfig) cannot be had, the error says what and the old one stays. The keys that would
@@ -54,6 +60,7 @@ class Server {
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<ServerCore> core_;
   std::unique_ptr<DurableJobs> jobs_;
+  std::unique_ptr<farm::FarmWorker> worker_;
   std::unique_ptr<Services> services_;
   std::shared_ptr<TlsSource> tls_;
   std::unique_ptr<grpc::Server> server_;

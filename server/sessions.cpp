@@ -4,7 +4,7 @@
 namespace gobo {
 
 namespace {
-constexpr std::chrono::milliseconds kPoll{10};
+constexpr std::chrono::milliseconds kTurnPoll{10};
 }
 
 // The owner's length keeps ("a", "b:c") apart from ("a:b", "c").
@@ -40,7 +40,7 @@ Sessions::Turn::Begin Sessions::Turn::begin(const std::function<bool()>& gone) {
   for (;;) {
     if (replaced_) return Begin::Replaced;
     if (sessions_.sessions_[key_].running == this) return Begin::Now;
-    sessions_.changed_.wait_for(lock, kPoll);
+    sessions_.changed_.wait_for(lock, kTurnPoll);
     lock.unlock();
     const bool left = gone();
     lock.lock();

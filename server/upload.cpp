@@ -75,14 +75,15 @@ void removeStaleUploads(const std::string& tmpFolder) {
   std::error_code error;
   for (fs::directory_iterator it(tmpFolder, error), end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename().string();
-    if (name.rfind(kPrefix, 0) != 0) continue;
-    const long pid = std::atol(name.c_str() + std::strlen(kPrefix));
+    const char* const prefix = name.rfind(kPrefix, 0) == 0 ? kPrefix : kWorkerFolder;
+    if (name.rfind(prefix, 0) != 0) continue;
+    const long pid = std::atol(name.c_str() + std::strlen(prefix));
     struct stat info {};
     if (pid <= 0 || ::lstat(it->path().c_str(), &info) != 0 || !S_ISDIR(info.st_mode) || info.st_uid != ::getuid()) continue;
     if (::kill(pid_t(pid), 0) == 0 || errno != ESRCH) continue;
     std::error_code ignored;
     fs::remove_all(it->path(), ignored);
-    logInfo("removed stale upload %s", it->path().c_str());
+    logInfo("removed stale folder %s", it->path().c_str());
   }
 }
 

@@ -36,7 +36,9 @@ class UploadFile {
   Sha256 sha_;
 };
 
-/// Removes what a killed daemon of the same user left under the tmp folder (folders gobo-upload-PID-* whose process is gone).
+inline constexpr char kWorkerFolder[] = "gobo-worker-";  ///< + PID-XXXXXX: of a worker (server/farm/farm_worker.h)
+
+/// Removes what a killed daemon of the same user left under the tmp folder (folders gobo-upload-PID-*, gobo-worker-PID-* whose process is gone).
 void removeStaleUploads(const std::string& tmpFolder);
 
 }  // namespace gobo

@@ -242,6 +242,7 @@ void CommandLine::addScenes() {
 
 void CommandLine::addServer() {
   command(app, "status", "how the server is", [this] { return runStatus(session, json); });
+  command(app, "workers", "who renders frames of the server's jobs elsewhere (gobod --worker)", [this] { return runWorkers(session, json); });
   CLI::App* drop = command(app, "drop-caches", "empty the server's term store", [this] { return runDropCaches(session, disk_); });
   drop->add_flag("--disk", disk_, "the disk cache too");
   command(app, "shutdown", "drain and stop the server (Unix socket only)", [this] { return runShutdown(session); });

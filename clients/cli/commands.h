@@ -52,6 +52,7 @@ int runLoad(const SessionOptions& session, const std::string& source, const std:
 int runInspect(const SessionOptions& session, const std::string& scene, bool json);
 int runUnload(const SessionOptions& session, const std::string& scene);
 int runStatus(const SessionOptions& session, bool json);
+int runWorkers(const SessionOptions& session, bool json);
 int runDropCaches(const SessionOptions& session, bool disk);
 enum class CacheAct { List, Size, Evict, Pin, Unpin };
 struct CacheCommand {

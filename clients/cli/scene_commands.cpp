@@ -75,6 +75,22 @@ int runUnload(const SessionOptions& options, const std::string& scene) {
       [&](const v1::UnloadSceneReply&) { std::printf("unloaded %s\n", escaped(scene).c_str()); });
 }
 
+int runWorkers(const SessionOptions& options, bool json) {
+  return unary<v1::WorkersReply>(
+      options, json, [](Session& s, grpc::ClientContext& context, v1::WorkersReply& reply) { return s.farm().Workers(&context, {}, &reply); },
+      [](const v1::WorkersReply& reply) {
+        std::vector<std::vector<std::string>> rows;
+        for (const v1::Worker& w : reply.workers()) {
+          std::string frames;
+          for (const std::string& frame : w.frames()) frames += (frames.empty() ? "" : " ") + escaped(frame);
+          rows.push_back({escaped(w.info().name()), w.attending() ? "attends" : "gone", std::to_string(w.info().threads()), std::to_string(w.done()),
+                          std::to_string(w.failed()), escaped(w.peer()), frames});
+        }
+        if (rows.empty()) std::printf("no workers; gobod --worker ADDRESS is one (docs/farm.md)\n");
+        else printTable({"worker", "state", "threads", "done", "failed", "from", "frames"}, rows, {false, false, true, true, true, false, false});
+      });
+}
+
 int runStatus(const SessionOptions& options, bool json) {
   return unary<v1::StatusReply>(
       options, json, [](Session& s, grpc::ClientContext& context, v1::StatusReply& reply) { return s.admin().GetStatus(&context, {}, &reply); },

@@ -18,6 +18,7 @@
 #include <grpc/grpc.h>
 
 #include "base/image_io.h"
+#include "server/dial.h"
 #include "server/encode.h"
 
 namespace gobo::cli {
@@ -138,30 +139,6 @@ Session::Call::~Call() {
   calls.erase(&context);
 }
 
-namespace {
-
-Result<std::string> textOf(const std::string& file, const char* flag) {
-  if (file.empty()) return std::string();
-  auto bytes = readFile(file, 1 << 20);
-  if (!bytes.ok()) return bytes.status().at(flag);
-  return std::string(bytes->begin(), bytes->end());
-}
-
-Result<std::string> findToken(const SessionOptions& options) {
-  const char* env = std::getenv("GOBO_TOKEN");
-  std::string token = env ? env : "";
-  if (!options.tokenFile.empty()) {
-    GOBO_ASSIGN(token, textOf(options.tokenFile, "--token-file"));
-    if (const size_t end = token.find_first_of("\r\n"); end != std::string::npos) token.resize(end);
-  }
-  for (const char c : token)
-    if (c <= 0x20 || c >= 0x7f)
-      return invalidArgument("the token must be printable ASCII without spaces", options.tokenFile.empty() ? "GOBO_TOKEN" : "--token-file");
-  return token;
-}
-
-}  // namespace
-
 Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
   static const bool kept = (grpc_init(), true);  // no tear-down of gRPC, which may take 10 s (server/server.cpp)
   (void)kept;
@@ -191,29 +168,17 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
     // The default socket lives in a folder where everybody may write: another user's socket is not our daemon.
     if (!named && address.isUnix && ::lstat(address.path.c_str(), &info) == 0 && info.st_uid != ::getuid() && info.st_uid != 0)
       return Status(Code::PermissionDenied, "\"" + address.path + "\" belongs to another user: name the server with --server");
-    grpc::ChannelArguments arguments;
-    arguments.SetMaxReceiveMessageSize(-1);
-    const bool tls = options.tls || !options.ca.empty() || !options.cert.empty() || !options.key.empty();
-    GOBO_ASSIGN(self->token_, findToken(options));
-    // A token must not travel in the clear beyond this machine.
-    if (!self->token_.empty() && !tls && !address.isUnix && !isLoopback(address.host))
-      return invalidArgument("the token would go to " + self->address_ + " unencrypted: use --tls or --ca");
-    std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::InsecureChannelCredentials();
-    if (tls) {
-      if (options.cert.empty() != options.key.empty()) return invalidArgument("--cert and --key go together");
-      grpc::SslCredentialsOptions ssl;
-      GOBO_ASSIGN(ssl.pem_root_certs, textOf(options.ca, "--ca"));
-      GOBO_ASSIGN(ssl.pem_cert_chain, textOf(options.cert, "--cert"));
-      GOBO_ASSIGN(ssl.pem_private_key, textOf(options.key, "--key"));
-      credentials = grpc::SslCredentials(ssl);
-    }
-    self->channel_ = grpc::CreateCustomChannel(self->address_, credentials, arguments);
+    const char* token = std::getenv("GOBO_TOKEN");
+    GOBO_ASSIGN(Dialled dialled, dial({self->address_, options.tls, options.ca, options.cert, options.key, options.tokenFile, token ? token : "", "--", "-"}));
+    self->token_ = std::move(dialled.token);
+    self->channel_ = std::move(dialled.channel);
   }
   self->scenes_ = v1::Scenes::NewStub(self->channel_);
   self->render_ = v1::Render::NewStub(self->channel_);
   self->blobs_ = v1::Blobs::NewStub(self->channel_);
   self->admin_ = v1::Admin::NewStub(self->channel_);
   self->jobs_ = v1::Jobs::NewStub(self->channel_);
+  self->farm_ = v1::Farm::NewStub(self->channel_);
   return self;
 }
 

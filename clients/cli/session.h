@@ -10,6 +10,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include "base/status.h"
+#include "gobo/v1/farm.grpc.pb.h"
 #include "gobo/v1/jobs.grpc.pb.h"
 #include "gobo/v1/service.grpc.pb.h"
 #include "server/server.h"
@@ -46,6 +47,7 @@ class Session {
   v1::Blobs::Stub& blobs() { return *blobs_; }
   v1::Admin::Stub& admin() { return *admin_; }
   v1::Jobs::Stub& jobs() { return *jobs_; }
+  v1::Farm::Stub& farm() { return *farm_; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
   const std::string& token() const { return token_; }  ///< empty: none
   /// gRPC's status as ours; "cannot reach" with the address when there is no connection.
@@ -71,6 +73,7 @@ class Session {
   std::unique_ptr<v1::Blobs::Stub> blobs_;
   std::unique_ptr<v1::Admin::Stub> admin_;
   std::unique_ptr<v1::Jobs::Stub> jobs_;
+  std::unique_ptr<v1::Farm::Stub> farm_;
 };
 
 /// Starts the thread that turns SIGINT and SIGTERM into cancellation; call first in main. A second signal leaves at once.

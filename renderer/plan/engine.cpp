@@ -151,13 +151,17 @@ struct Engine::Impl {
     s.scene = scene;
     return s;
   }
-  PlannerServices plannerServices(const std::string& sceneId, const StopToken& stop, MappedGuard& guard, const std::string& environmentFile, bool small,
+  Result<EnvironmentPtr> loadEnvironment(const v1::EnvironmentSettings& e, const EnvironmentSource& source, const StopToken& stop) {
+    if (source.map) return source.map;
+    if (!e.has_digest()) return scenes.environment(e.path(), stop);
+    if (!source.file.empty()) return scenes.environmentOf(e.digest(), source.file, stop);
+    return notFound("request.environment.digest = '" + e.digest() + "': nobody keeps files by their digest here", "request.environment.digest");
+  }
+  PlannerServices plannerServices(const std::string& sceneId, const StopToken& stop, MappedGuard& guard, const EnvironmentSource& environment, bool small,
                                   std::map<NodeId, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
-    s.loadEnvironment = [this, stop, &guard, environmentFile](const v1::EnvironmentSettings& e) -> Result<EnvironmentPtr> {
-      if (e.has_digest() && environmentFile.empty())
-        return notFound("request.environment.digest = '" + e.digest() + "': nobody keeps files by their digest here", "request.environment.digest");
-      GOBO_ASSIGN(EnvironmentPtr map, e.has_digest() ? scenes.environmentOf(e.digest(), environmentFile, stop) : scenes.environment(e.path(), stop));
+    s.loadEnvironment = [this, stop, &guard, environment](const v1::EnvironmentSettings& e) -> Result<EnvironmentPtr> {
+      GOBO_ASSIGN(EnvironmentPtr map, loadEnvironment(e, environment, stop));
       guard.add(*map, e.has_digest() ? e.digest() : e.path());
       return map;
     };
@@ -199,7 +203,7 @@ struct Engine::Impl {
   }
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
   Result<RenderResult> run(const PreparedRender& prepared, const RenderControl& control);
-  Result<Expected> expect(const ScenePtr& scene, const v1::RenderRequest& resolved, const std::string& environmentFile, const StopToken& stop,
+  Result<Expected> expect(const ScenePtr& scene, const v1::RenderRequest& resolved, const EnvironmentSource& environment, const StopToken& stop,
                           bool ahead = false);
   Result<RenderResult> renderOnce(const ScenePtr& scene, const PreparedRender& prepared, const v1::RenderRequest& request, uint32_t spp,
                                   const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable);
@@ -251,6 +255,9 @@ Status Engine::unloadScene(const std::string& id, const SceneAccess& access) { r
 Result<ScenePtr> Engine::scene(const std::string& id) const { return impl_->scenes.find(id); }
 Result<ScenePtr> Engine::loadScene(const std::string& source, bool trusted) const { return impl_->scenes.load(source, trusted); }
 Result<std::string> Engine::allowedPath(const std::string& path, const std::string& field) const { return impl_->scenes.allowedPath(path, field); }
+Result<EnvironmentPtr> Engine::loadEnvironment(const v1::EnvironmentSettings& settings, const EnvironmentSource& source, const StopToken& stop) const {
+  return impl_->loadEnvironment(settings, source, stop);
+}
 void Engine::setRoots(std::vector<std::string> roots) { impl_->scenes.setRoots(std::move(roots)); }
 int Engine::threads() const { return impl_->arena.threads(); }
 
@@ -313,10 +320,10 @@ Result<v1::RenderRequest> Engine::resolve(const v1::RenderRequest& request, cons
 }
 
 /// With all its samples: what is there of fewer is not what was asked for. `ahead`: of the time only what comes before anything of the view.
-Result<Expected> Engine::Impl::expect(const ScenePtr& scene, const v1::RenderRequest& resolved, const std::string& environmentFile, const StopToken& stop,
+Result<Expected> Engine::Impl::expect(const ScenePtr& scene, const v1::RenderRequest& resolved, const EnvironmentSource& environment, const StopToken& stop,
                                       bool ahead) {
   MappedGuard guard(*scene, resolved.scene());
-  PlannerServices services = plannerServices(resolved.scene(), stop, guard, environmentFile, false);
+  PlannerServices services = plannerServices(resolved.scene(), stop, guard, environment, false);
   services.expand = nullptr;
   const v1::Halt& halt = resolved.halt();
   const auto plan = makePlan(scene, resolved, halt.has_spp() ? passesFor(samplesOfSlice(halt.spp(), shutterSlices(resolved))) : 1, services);
@@ -327,13 +334,13 @@ Result<Expected> Engine::Impl::expect(const ScenePtr& scene, const v1::RenderReq
 }
 
 Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePtr scene, const StopToken& stop, const SceneAccess& access,
-                                       const std::string& environmentFile) {
+                                       const EnvironmentSource& environment) {
   if (!scene) { GOBO_ASSIGN(scene, impl_->scenes.find(request.scene(), stop, access)); }
   PreparedRender prepared;
   prepared.request = request;
-  prepared.environmentFile = environmentFile;
+  prepared.environment = environment;
   GOBO_ASSIGN(prepared.resolved, impl_->resolve(request, scene));
-  GOBO_ASSIGN(const Expected expected, impl_->expect(scene, prepared.resolved, environmentFile, stop));
+  GOBO_ASSIGN(const Expected expected, impl_->expect(scene, prepared.resolved, environment, stop));
   prepared.pinnedBytes = expected.pinnedBytes;
   if (prepared.resolved.halt().has_spp()) {
     prepared.expectedMs = expected.ms;
@@ -342,14 +349,14 @@ Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePt
   return prepared;
 }
 
-Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopToken& stop, const SceneAccess& access, const std::string& environmentFile) {
+Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopToken& stop, const SceneAccess& access, const EnvironmentSource& environment) {
   GOBO_ASSIGN(const ScenePtr scene, impl_->scenes.find(request.scene(), stop, access));
   v1::PlanReply reply;
   GOBO_ASSIGN(*reply.mutable_resolved(), impl_->resolve(request, scene));
   const v1::Halt& halt = reply.resolved().halt();
   const uint32_t spp = halt.has_spp() ? halt.spp() : kBlockSamples;
   MappedGuard guard(*scene, request.scene());
-  PlannerServices services = impl_->plannerServices(request.scene(), stop, guard, environmentFile, false);
+  PlannerServices services = impl_->plannerServices(request.scene(), stop, guard, environment, false);
   services.expand = nullptr;
   const auto plan = makePlan(scene, reply.resolved(), passesFor(samplesOfSlice(spp, shutterSlices(reply.resolved()))), services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
@@ -458,7 +465,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const Prepa
   const uint32_t passes = passesFor(spp), realised = samplesOf(passes) * shutterSlices(request);
   std::map<NodeId, ExecutedNode> expanded;
   GOBO_ASSIGN(const std::unique_ptr<Plan> plan,
-              makePlan(scene, request, passes, plannerServices(request.scene(), control.stop, guard, prepared.environmentFile, prepared.small, &expanded)));
+              makePlan(scene, request, passes, plannerServices(request.scene(), control.stop, guard, prepared.environment, prepared.small, &expanded)));
   extendable = plan->extendable;
 
   std::mutex progressMutex;
@@ -614,7 +621,7 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
     const uint32_t shrink = pace.shrink(resolved.scene_hash(), uint64_t(resolved.width()) * resolved.height(), control.waiting ? control.waiting() : 0);
     if (std::optional<v1::RenderRequest> small = smallRung(resolved, shrink)) {
       if (const auto plain = plainRung(*small)) {
-        GOBO_ASSIGN(const Expected expected, expect(scene, *small, prepared.environmentFile, control.stop, /*ahead=*/true));
+        GOBO_ASSIGN(const Expected expected, expect(scene, *small, prepared.environment, control.stop, /*ahead=*/true));
         if (expected.ms > kRungMs) small = plain;
       }
       const auto begun = Clock::now();

@@ -85,6 +85,15 @@ struct RenderControl {
   SceneAccess access;                                 ///< of whoever asks, to request.scene
 };
 
+/// Where a request's environment map comes from. Neither: request.environment.path.
+struct EnvironmentSource {
+  EnvironmentSource() = default;
+  EnvironmentSource(std::string f) : file(std::move(f)) {}
+  EnvironmentSource(EnvironmentPtr m) : map(std::move(m)) {}
+  std::string file;    ///< behind request.environment.digest: a file with that SHA-256
+  EnvironmentPtr map;  ///< loaded already, from what the request names
+};
+
 /// A request that may be run (Engine::prepare). Holds no scene and no memory but its own: it may wait in a queue.
 struct PreparedRender {
   v1::RenderRequest request;         ///< as it came
@@ -92,7 +101,7 @@ struct PreparedRender {
   uint64_t pinnedBytes = 0;          ///< upper bound of bytes of results held at once while it runs
   double expectedMs = 0;             ///< on an idle machine, with what the store has now; without its certificate; 0 where only time or error ends it
   bool small = false;                ///< so little that it may run beside another render: it then has threads of its own (docs/operations.md)
-  std::string environmentFile = {};  ///< behind request.environment.digest: a file with that SHA-256, which must stay while this lives
+  EnvironmentSource environment = {};  ///< must stay while this lives
 };
 
 class Engine {
@@ -116,6 +125,8 @@ class Engine {
   Result<std::shared_ptr<const Scene>> loadScene(const std::string& source, bool trusted) const;
   /// The file that a request's path stands for. Errors: PermissionDenied outside the roots, NotFound.
   Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
+  /// The map that the settings name, or null. Errors: what loading says; Cancelled.
+  Result<EnvironmentPtr> loadEnvironment(const v1::EnvironmentSettings& settings, const EnvironmentSource& source, const StopToken& stop) const;
   /// From now on files are opened under these folders only; loaded scenes stay.
   void setRoots(std::vector<std::string> roots);
 
@@ -124,13 +135,13 @@ class Engine {
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const SceneAccess& access = {}) const;
   /// Everything that can be found out about a request before it is admitted: whether it is one, and what it will hold. Runs no node, so traces
   /// no ray; it may load an environment and pose the scene, which `stop` ends (Cancelled). `scene`: prepared instead of what request.scene names.
-  /// `environmentFile`: see PreparedRender.
+  /// `environment`: see PreparedRender.
   Result<PreparedRender> prepare(const v1::RenderRequest& request, std::shared_ptr<const Scene> scene = nullptr, const StopToken& stop = {},
-                                 const SceneAccess& access = {}, const std::string& environmentFile = {});
+                                 const SceneAccess& access = {}, const EnvironmentSource& environment = {});
   /// What a render of it would do, without doing it: rows of nodes with expected time and rays, which results are there already, bytes. Where a
   /// node's result decides what follows (shadows.auto, lights for a map) the largest plan that it may choose.
   Result<v1::PlanReply> plan(const v1::RenderRequest& request, const StopToken& stop = {}, const SceneAccess& access = {},
-                             const std::string& environmentFile = {});
+                             const EnvironmentSource& environment = {});
   /// As render() of the request that it was prepared from.
   Result<RenderResult> run(const PreparedRender& prepared, const RenderControl& control = {});
   /// Runs to the halt condition. With control.snapshot set, emits snapshots at 1, 2, 4, ... blocks.

@@ -7,6 +7,7 @@
 
 #include "server/config.h"
 #include "server/jobs/job_news.h"
+#include "server/jobs/job_scenes.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/job_worker.h"
 #include "server/repeating.h"

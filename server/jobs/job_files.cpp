@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <random>
 #include <set>
+#include <utility>
 
 #include "base/descriptor.h"
 #include "base/own_folder.h"
@@ -84,34 +85,50 @@ Status JobFiles::write(const std::string& path, const void* bytes, size_t size) 
     ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);  // changed, for a sweep that has taken it for litter
     return syncFolder(parent);                        // its writer may have been killed before that
   }
-  const auto at = [&](const char* what) { return step ? step(what, path) : Status(); };
-  const std::string temp = temps_ + std::to_string(counter_++) + ".tmp";
-  Status status = at("write");
-  {
-    const Descriptor d{status.ok() ? ::open(temp.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600) : -1};
-    if (status.ok() && !d) return failed("make", temp, errno);
-    for (size_t done = 0; status.ok() && done < size;) {
-      const ssize_t n = ::write(d.get(), static_cast<const char*>(bytes) + done, size - done);
-      if (n >= 0) done += size_t(n);
-      else if (errno != EINTR) status = failed("write", path, errno);
-    }
-    if (status.ok()) status = at("sync");
-    if (status.ok() && ::fdatasync(d.get()) != 0) status = failed("sync", path, errno);
+  Incoming file;
+  GOBO_TRY(file.begin(*this, path));
+  GOBO_TRY(file.add(bytes, size));
+  return file.commit();
+}
+
+Status JobFiles::Incoming::begin(JobFiles& files, const std::string& path) {
+  files_ = &files;
+  path_ = path;
+  if (files.step) GOBO_TRY(files.step("write", path));
+  temp_ = files.temps_ + std::to_string(files.counter_++) + ".tmp";
+  fd_ = ::open(temp_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+  if (fd_ >= 0) return {};
+  return failed("make", std::exchange(temp_, {}), errno);
+}
+
+Status JobFiles::Incoming::add(const void* bytes, size_t size) {
+  for (size_t done = 0; done < size;) {
+    const ssize_t n = ::write(fd_, static_cast<const char*>(bytes) + done, size - done);
+    if (n >= 0) done += size_t(n);
+    else if (errno != EINTR) return failed("write", path_, errno);
   }
-  if (status.ok()) status = at("rename");
-  if (status.ok() && ::rename(temp.c_str(), path.c_str()) != 0) {
-    status = failed("rename the new file to", path, errno);
-    if (status.code() == Code::NotFound) {
-      status = makeFolder(parent);
-      if (status.ok() && ::rename(temp.c_str(), path.c_str()) != 0) status = failed("rename the new file to", path, errno);
-    }
+  return {};
+}
+
+Status JobFiles::Incoming::commit() {
+  const auto at = [&](const char* what) { return files_->step ? files_->step(what, path_) : Status(); };
+  const std::string parent = fs::path(path_).parent_path().string();
+  GOBO_TRY(at("sync"));
+  if (::fdatasync(fd_) != 0) return failed("sync", path_, errno);
+  GOBO_TRY(at("rename"));
+  if (::rename(temp_.c_str(), path_.c_str()) != 0) {
+    if (errno != ENOENT) return failed("rename the new file to", path_, errno);
+    GOBO_TRY(makeFolder(parent));
+    if (::rename(temp_.c_str(), path_.c_str()) != 0) return failed("rename the new file to", path_, errno);
   }
-  if (!status.ok()) {
-    ::unlink(temp.c_str());
-    return status;
-  }
+  temp_.clear();
   GOBO_TRY(at("sync-folder"));
   return syncFolder(parent);
+}
+
+JobFiles::Incoming::~Incoming() {
+  if (fd_ >= 0) ::close(fd_);
+  if (!temp_.empty()) ::unlink(temp_.c_str());
 }
 
 Status JobFiles::adopt(const std::string& from, const std::string& path) {
@@ -175,6 +192,15 @@ void JobFiles::removePrefix(const std::string& prefix) {
   for (fs::directory_iterator it(folder_ + "/checkpoints", error), end; !error && it != end; it.increment(error))
     if (it->path().filename().string().rfind(prefix, 0) == 0) found.push_back(it->path());
   for (const fs::path& p : found) ::unlink(p.c_str());
+}
+
+void JobFiles::removeAllOnTheirWay() {
+  std::error_code error;
+  for (const char* sub : {"/results", "/checkpoints", "/tmp"})
+    for (fs::directory_iterator it(folder_ + sub, error), end; !error && it != end; it.increment(error)) {
+      std::error_code ignored;
+      fs::remove_all(it->path(), ignored);
+    }
 }
 
 void JobFiles::removeCheckpoints(int64_t job) { removePrefix(std::to_string(job) + "-"); }

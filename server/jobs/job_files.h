@@ -54,6 +54,22 @@ class JobFiles {
   /// Durable on return. A file of that name stays as it is (it has the same bytes) unless its size differs.
   /// Errors: ResourceExhausted (disk full), Internal; the file named.
   Status write(const std::string& path, const void* bytes, size_t size);
+  /// A file that comes in pieces; without commit() nothing stays.
+  class Incoming {
+   public:
+    Incoming() = default;
+    ~Incoming();
+    Incoming(const Incoming&) = delete;
+    Incoming& operator=(const Incoming&) = delete;
+    Status begin(JobFiles& files, const std::string& path);
+    Status add(const void* bytes, size_t size);
+    Status commit();  ///< durable on return
+
+   private:
+    JobFiles* files_ = nullptr;
+    std::string temp_, path_;
+    int fd_ = -1;
+  };
   /// Takes over a file of the same or another file system.
   Status adopt(const std::string& from, const std::string& path);
   /// The same for a folder of files, whole or not at all.
@@ -63,6 +79,7 @@ class JobFiles {
   void removeResults(int64_t job);
   void removeCheckpoints(int64_t job);  ///< of all its frames
   void removeCheckpoints(TaskId task);
+  void removeAllOnTheirWay();  ///< results, checkpoints and temp files of every job: of a folder without a store
 
   Litter litter;
   std::function<Status(const char* step, const std::string& path)> step;  ///< a test's seam: before "write", "sync", "rename", "sync-folder"

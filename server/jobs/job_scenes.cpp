@@ -83,6 +83,12 @@ Status JobScenes::describe(NewJob& job, const SceneAccess& access, const StopTok
   return {};
 }
 
+Result<EnvironmentPtr> JobScenes::map(const JobRecord& record, const StopToken& stop) {
+  if (record.environmentDigest.empty()) return EnvironmentPtr();
+  const v1::RenderRequest& request = record.job.spec().request();
+  return engine_.loadEnvironment(request.environment(), environmentFile(request), stop);
+}
+
 Result<ScenePtr> JobScenes::get(const JobRecord& record) {
   const v1::RenderRequest& request = record.job.spec().request();
   const std::string& wanted = record.job.scene_hash();

@@ -6,15 +6,15 @@
 
 #include <mutex>
 
-#include "plan/engine.h"
 #include "server/jobs/job_files.h"
+#include "server/jobs/task_scenes.h"
 
 namespace gobo {
 
 /// The first 16 digits of what names a scene's files under FOLDER/scenes: of sources "upload:DIGEST.glb" and "blobs:DIGEST/NAME"; empty for others.
 std::string keptSceneDigest(const std::string& source);
 
-class JobScenes {
+class JobScenes final : public TaskScenes {
  public:
   /// Environment files above `inputBytes` are refused.
   JobScenes(Engine& engine, JobFiles& files, uint64_t inputBytes = UINT64_MAX) : engine_(engine), files_(files), inputBytes_(inputBytes) {}
@@ -23,7 +23,10 @@ class JobScenes {
   /// What was kept for request.environment.digest; empty without one.
   std::string environmentFile(const v1::RenderRequest& request) const;
   /// Errors: FailedPrecondition naming both hashes; what loading says.
-  Result<std::shared_ptr<const Scene>> get(const JobRecord& record);
+  Result<ScenePtr> get(const JobRecord& record) override;
+  EnvironmentSource environment(const JobRecord& record) override { return environmentFile(record.job.spec().request()); }
+  /// The map of a job, loaded; null without. Errors as get().
+  Result<EnvironmentPtr> map(const JobRecord& record, const StopToken& stop);
 
  private:
   Result<std::string> environmentDigest(const v1::RenderRequest& request, const StopToken& stop) const;

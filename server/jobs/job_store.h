@@ -19,8 +19,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/status.h"
-#include "gobo/v1/jobs.pb.h"
+#include "server/jobs/task_store.h"
 
 namespace gobo {
 
@@ -34,45 +33,12 @@ struct NewJob {
   std::vector<int64_t> frames;
 };
 
-struct JobRecord {
-  int64_t id = 0;
-  v1::Job job;  ///< progress counts finished frames and checkpoints
-  std::string sceneSource, sceneFile, environmentDigest;
-  uint64_t revision = 0;  ///< of the store when read; grows with every change
-};
-
-struct TaskId {
-  int64_t job = 0, index = 0;  ///< index of the frame in the job, from 0
-  auto operator<=>(const TaskId&) const = default;
-};
-
-struct Lease {
-  TaskId task;
-  uint64_t token = 0;
-  std::string holder;
-  double expires = 0;  ///< on the store's own clock
-  int64_t frame = 0;
-  double progress = 0;  ///< of the last checkpoint
-};
-
-struct CheckpointRow {
-  std::string recipe, digest;
-  uint32_t blocks = 0;
-  uint64_t bytes = 0;
-};
-
 struct JobFilter {
   std::vector<v1::Job::State> states;
   std::string client;
   int64_t before = 0;  ///< ids below this one; 0: any
   uint32_t limit = 50;
   uint64_t bytes = UINT64_MAX;  ///< ends with the job that passes this sum
-};
-
-struct FailedReport {
-  Status reason;
-  bool retry = true;      ///< false: no attempt of this frame can do better
-  bool wholeJob = false;  ///< nor of any other frame
 };
 
 /// The job ids that a store has given: what else lies in the folder is not its to remove.
@@ -88,16 +54,13 @@ struct JobTotals {
   uint64_t resultBytes = 0;
 };
 
-class JobStore {
+class JobStore : public TaskStore {
  public:
-  virtual ~JobStore() = default;
-
   /// The new job, or the one that has the same client and key (then `existed`). Errors: AlreadyExists naming it when that one was
   /// made from another spec.
   virtual Result<int64_t> submit(const NewJob& job, bool& existed) = 0;
   /// The job with this key, 0 if there is none. Errors: AlreadyExists as above.
   virtual Result<int64_t> findKey(const std::string& client, const std::string& key, const std::string& digest) = 0;
-  virtual Result<JobRecord> get(int64_t id, bool withFrames) = 0;          ///< NotFound
   virtual Result<std::vector<v1::Job>> list(const JobFilter& filter) = 0;  ///< newest first, without frames
   /// Frames that changed after `revision`, with the job (no frames, no spec in it) and the new revision.
   virtual Result<JobRecord> changes(int64_t id, uint64_t revision) = 0;
@@ -106,25 +69,9 @@ class JobStore {
   virtual Status resume(int64_t id) = 0;
   virtual Status remove(int64_t id) = 0;  ///< FailedPrecondition unless it is over
 
-  /// The next task: of the client that has had least time of this process's workers (server/jobs/job_shares.h), by job priority, then job
-  /// deadline, then job id, then frame. None: nothing is ready now.
-  virtual Result<std::optional<Lease>> claim(const std::string& holder, double leaseSeconds) = 0;
-  /// Extends the lease. The job's state: a holder that reads Paused is to release soon.
-  virtual Result<v1::Job::State> renew(Lease& lease, double leaseSeconds) = 0;
-  /// The job's state, if the lease still holds. Writes nothing.
-  virtual Result<v1::Job::State> check(const Lease& lease) = 0;
-  /// Records a checkpoint file that is on disk; it replaces the one of the same recipe. The digests of files not needed any more.
-  virtual Result<std::vector<CheckpointRow>> checkpoint(const Lease& lease, const CheckpointRow& row, double progress, uint32_t spp) = 0;
-  virtual Result<std::vector<CheckpointRow>> checkpoints(TaskId task) = 0;
-  /// The frame is done; `files` are on disk. Again with the same token and files: Ok.
-  virtual Status complete(const Lease& lease, const std::vector<v1::FrameFile>& files, double seconds) = 0;
-  virtual Status fail(const Lease& lease, const FailedReport& report) = 0;
-  /// Gives the task back: it waits again, no attempt is counted.
-  virtual Status release(const Lease& lease) = 0;
-
   /// Ends leases whose time has passed, and fails jobs past their deadline. The number of both.
   virtual Result<uint64_t> expireLeases() = 0;
-  /// Ends all leases: the caller knows that no holder lives.
+  /// Ends all leases but those of workers elsewhere (kRemoteHolder): the caller knows that no other holder lives.
   virtual Result<uint64_t> endAllLeases() = 0;
   /// The daemon crashed while it worked on this frame. `certain`: on nothing else; then the frame is set aside (failed) with the reason. Else
   /// it counts as if a third of the losses that are borne had happened. No change when the frame is over.

@@ -6,7 +6,7 @@
 
 namespace gobo {
 
-JobWorker::JobWorker(Engine& engine, JobRunner& runner, JobStore& store, JobFiles& files, JobScenes& scenes, JobHub& hub, const JobWorkerOptions& options)
+JobWorker::JobWorker(Engine& engine, JobRunner& runner, TaskStore& store, JobFiles& files, TaskScenes& scenes, JobHub& hub, const JobWorkerOptions& options)
     : engine_(engine), runner_(runner), store_(store), files_(files), scenes_(scenes), hub_(hub), options_(options) {
   for (int i = 0; i < options_.workers; ++i) threads_.emplace_back([this, i] { loop(i); });
 }

@@ -12,7 +12,8 @@
 #include "server/job_runner.h"
 #include "server/jobs/crash_marks.h"
 #include "server/jobs/job_hub.h"
-#include "server/jobs/job_scenes.h"
+#include "server/jobs/job_files.h"
+#include "server/jobs/task_scenes.h"
 
 namespace gobo {
 
@@ -30,7 +31,7 @@ struct JobWorkerStats {
 
 class JobWorker {
  public:
-  JobWorker(Engine& engine, JobRunner& runner, JobStore& store, JobFiles& files, JobScenes& scenes, JobHub& hub, const JobWorkerOptions& options);
+  JobWorker(Engine& engine, JobRunner& runner, TaskStore& store, JobFiles& files, TaskScenes& scenes, JobHub& hub, const JobWorkerOptions& options);
   ~JobWorker() { stop(); }
   /// Frames that run are checkpointed and released; returns when all threads are out.
   void stop();
@@ -41,9 +42,9 @@ class JobWorker {
   void loop(int number);
   Engine& engine_;
   JobRunner& runner_;
-  JobStore& store_;
+  TaskStore& store_;
   JobFiles& files_;
-  JobScenes& scenes_;
+  TaskScenes& scenes_;
   JobHub& hub_;
   const JobWorkerOptions options_;
   JobWorkerStats stats_;

@@ -121,7 +121,7 @@ class SqlJobStore : public JobStore {
   Status endJob(int64_t job, v1::Job::State state, const Status& reason, uint64_t revision);
   Result<JobRecord> readJob(int64_t id);
   Status readFrames(int64_t id, uint64_t after, v1::Job& job);
-  Result<uint64_t> endLeases(double before, double deadlines);
+  Result<uint64_t> endLeases(double before, double deadlines, bool remoteToo);
   Result<std::vector<int64_t>> jobsWithEnds(double before, double deadlines);
   Status chooseResults(uint64_t keepBytes, double keepSeconds, std::vector<int64_t>& gone);
   Result<std::vector<std::string>> texts(const char* sql, int64_t id = 0);

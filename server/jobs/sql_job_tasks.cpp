@@ -310,7 +310,7 @@ Result<std::vector<int64_t>> SqlJobStore::jobsWithEnds(double before, double dea
   return jobs;
 }
 
-Result<uint64_t> SqlJobStore::endLeases(double before, double deadlines) {
+Result<uint64_t> SqlJobStore::endLeases(double before, double deadlines, bool remoteToo) {
   GOBO_ASSIGN(const std::vector<int64_t> jobs, jobsWithEnds(before, deadlines));
   if (jobs.empty()) return uint64_t(0);
   uint64_t count = 0;
@@ -319,9 +319,10 @@ Result<uint64_t> SqlJobStore::endLeases(double before, double deadlines) {
   for (int64_t job : jobs) {  // looked at again, now that they are locked
     std::vector<int64_t> over;
     {
-      Query q(db(), "SELECT idx FROM task WHERE job = ?1 AND state = 2 AND expires <= ?2 ORDER BY idx");
+      Query q(db(), "SELECT idx, holder FROM task WHERE job = ?1 AND state = 2 AND expires <= ?2 ORDER BY idx");
       q.bind(job).bind(before);
-      while (q.next()) over.push_back(q.integer(0));
+      while (q.next())
+        if (remoteToo || q.text(1).rfind(kRemoteHolder, 0) != 0) over.push_back(q.integer(0));
       GOBO_TRY(q.status());
     }
     for (int64_t index : over) GOBO_TRY(endLease({job, index}, true, revision));
@@ -353,7 +354,7 @@ Result<uint64_t> SqlJobStore::expireLeases() {
   uint64_t count = 0;
   if (!some) return count;
   GOBO_TRY(transact([&]() -> Status {
-    GOBO_ASSIGN(count, endLeases(uptime(), now()));
+    GOBO_ASSIGN(count, endLeases(uptime(), now(), true));
     return {};
   }));
   return count;
@@ -363,7 +364,7 @@ Result<uint64_t> SqlJobStore::endAllLeases() {
   const std::lock_guard lock(mutex_);
   uint64_t count = 0;
   GOBO_TRY(transact([&]() -> Status {
-    GOBO_ASSIGN(count, endLeases(1e300, -1e300));
+    GOBO_ASSIGN(count, endLeases(1e300, -1e300, false));
     return {};
   }));
   return count;

@@ -8,7 +8,7 @@
 
 namespace gobo {
 
-TaskCheckpoints::TaskCheckpoints(JobStore& store, JobFiles& files, const Lease& lease, std::vector<CheckpointRow> rows)
+TaskCheckpoints::TaskCheckpoints(TaskStore& store, JobFiles& files, const Lease& lease, std::vector<CheckpointRow> rows)
     : store_(store), files_(files), lease_(lease) {
   for (CheckpointRow& row : rows) rows_[row.recipe] = row;
 }

@@ -19,7 +19,7 @@ class TaskCheckpoints final : public RenderCheckpoints {
  public:
   using Clock = std::chrono::steady_clock;
   /// `rows`: what the store has. Files of them that are missing or damaged count as not there.
-  TaskCheckpoints(JobStore& store, JobFiles& files, const Lease& lease, std::vector<CheckpointRow> rows);
+  TaskCheckpoints(TaskStore& store, JobFiles& files, const Lease& lease, std::vector<CheckpointRow> rows);
 
   TermPtr load(const Hash128& recipe, uint32_t blocks) override;
   void save(const Hash128& recipe, uint32_t blocks, TermPtr state) override;
@@ -43,7 +43,7 @@ class TaskCheckpoints final : public RenderCheckpoints {
     TermPtr term;
     bool written = false;
   };
-  JobStore& store_;
+  TaskStore& store_;
   JobFiles& files_;
   const Lease lease_;
   mutable std::mutex mutex_;

@@ -152,7 +152,7 @@ Status TaskRun::render(std::vector<EncodedImage>& images) {
   const v1::RenderRequest request = frameRequest(record_.job.spec(), lease_.frame);
   const Result<PreparedRender> prepared = [&] {
     const CrashMarks::Working working(w_.options_.marks, lease_.task);
-    return w_.engine_.prepare(request, scene_, {}, {}, w_.scenes_.environmentFile(request));
+    return w_.engine_.prepare(request, scene_, {}, {}, w_.scenes_.environment(record_));
   }();
   if (!prepared.ok()) return prepared.status();
   JobSpec spec;

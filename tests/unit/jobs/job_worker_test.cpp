@@ -10,6 +10,7 @@
 #include "import/load.h"
 #include "server/encode.h"
 #include "server/ingest_loader.h"
+#include "server/jobs/job_scenes.h"
 #include "server/jobs/job_spec.h"
 #include "server/jobs/job_worker.h"
 #include "server/log.h"

@@ -97,10 +97,12 @@ TEST_F(Upload, LeftoversOfDeadProcessesGoAway) {
   if (child == 0) ::_exit(0);
   ASSERT_EQ(::waitpid(child, nullptr, 0), child);  // now nobody has this id
   fs::create_directory(tmp + "/gobo-upload-" + std::to_string(child) + "-aaaaaa");
+  fs::create_directory(tmp + "/gobo-worker-" + std::to_string(child) + "-cccccc");
   fs::create_directory(tmp + "/gobo-upload-" + std::to_string(::getpid()) + "-bbbbbb");
   fs::create_directory(tmp + "/other");
   removeStaleUploads(tmp);
   EXPECT_FALSE(fs::exists(tmp + "/gobo-upload-" + std::to_string(child) + "-aaaaaa"));
+  EXPECT_FALSE(fs::exists(tmp + "/gobo-worker-" + std::to_string(child) + "-cccccc"));
   EXPECT_TRUE(fs::exists(tmp + "/gobo-upload-" + std::to_string(::getpid()) + "-bbbbbb"));
   EXPECT_TRUE(fs::exists(tmp + "/other"));
 }

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// TaskStore: a worker's side of the job store (job_store.h has the rules of leases and tokens): the store itself beside it, or the coordinator's
+// over gRPC (server/farm/remote_tasks.h). Thread-safe.
+#pragma once
+
+#include <compare>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/status.h"
+#include "gobo/v1/jobs.pb.h"
+
+namespace gobo {
+
+/// How holders begin that are on other machines: a daemon that starts alone on its folder does not know that they are dead.
+inline constexpr char kRemoteHolder[] = "farm/";
+
+struct JobRecord {
+  int64_t id = 0;
+  v1::Job job;  ///< progress counts finished frames and checkpoints
+  std::string sceneSource, sceneFile, environmentDigest;
+  uint64_t revision = 0;  ///< of the store when read; grows with every change
+};
+
+struct TaskId {
+  int64_t job = 0, index = 0;  ///< index of the frame in the job, from 0
+  auto operator<=>(const TaskId&) const = default;
+};
+
+struct Lease {
+  TaskId task;
+  uint64_t token = 0;
+  std::string holder;
+  double expires = 0;  ///< on the store's own clock
+  int64_t frame = 0;
+  double progress = 0;  ///< of the last checkpoint
+};
+
+struct CheckpointRow {
+  std::string recipe, digest;
+  uint32_t blocks = 0;
+  uint64_t bytes = 0;
+};
+
+struct FailedReport {
+  Status reason;
+  bool retry = true;      ///< false: no attempt of this frame can do better
+  bool wholeJob = false;  ///< nor of any other frame
+};
+
+class TaskStore {
+ public:
+  virtual ~TaskStore() = default;
+
+  virtual Result<JobRecord> get(int64_t id, bool withFrames) = 0;  ///< NotFound
+  /// The next task: of the client that has had least time of this process's workers (server/jobs/job_shares.h), by job priority, then job
+  /// deadline, then job id, then frame. None: nothing is ready now.
+  virtual Result<std::optional<Lease>> claim(const std::string& holder, double leaseSeconds) = 0;
+  /// Extends the lease. The job's state: a holder that reads Paused is to release soon.
+  virtual Result<v1::Job::State> renew(Lease& lease, double leaseSeconds) = 0;
+  /// The job's state, if the lease still holds. Writes nothing.
+  virtual Result<v1::Job::State> check(const Lease& lease) = 0;
+  /// Records a checkpoint file that is on disk; it replaces the one of the same recipe. The digests of files not needed any more.
+  virtual Result<std::vector<CheckpointRow>> checkpoint(const Lease& lease, const CheckpointRow& row, double progress, uint32_t spp) = 0;
+  virtual Result<std::vector<CheckpointRow>> checkpoints(TaskId task) = 0;
+  /// The frame is done; `files` are on disk. Again with the same token and files: Ok.
+  virtual Status complete(const Lease& lease, const std::vector<v1::FrameFile>& files, double seconds) = 0;
+  virtual Status fail(const Lease& lease, const FailedReport& report) = 0;
+  /// Gives the task back: it waits again, no attempt is counted.
+  virtual Status release(const Lease& lease) = 0;
+};
+
+}  // namespace gobo

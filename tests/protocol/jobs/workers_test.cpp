@@ -1,0 +1,556 @@
+// SPDX-License-Identifier: Apache-2.0
+// gobo.v1.Farm over a real server and socket: a coordinator that renders nothing itself, workers with engines and folders of their own.
+#include <fstream>
+#include <set>
+#include <thread>
+
+#include "gobo/v1/farm.grpc.pb.h"
+#include "gobo/v1/jobs.grpc.pb.h"
+#include "protocol/server/harness.h"
+#include "server/farm/farm_worker.h"
+#include "server/farm/messages.h"
+#include "server/farm/numeric_class.h"
+#include "server/jobs/durable_jobs.h"
+#include "support/small_gltf.h"
+
+namespace gobo::farm_service_test {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// What `gobod --worker` has.
+struct WorkerHere {
+  std::unique_ptr<Engine> engine;
+  JobRunner runner{SchedulerOptions()};
+  std::unique_ptr<farm::FarmWorker> worker;
+  WorkerHere(const std::string& coordinator, const std::string& folder, const std::string& name, uint32_t frames = 1) {
+    fs::create_directories(folder);
+    ServerConfig c;
+    c.farmCoordinator = coordinator;
+    c.farmName = name;
+    c.farmFolder = folder + "/cache";
+    c.jobsWorkers = frames;
+    c.tmpFolder = folder;
+    EngineOptions o;
+    o.threads = 1;
+    o.storeBytes = 128 << 20;
+    engine = std::move(*Engine::create(o));  // no loader: a worker parses no files
+    auto started = farm::FarmWorker::start(*engine, runner, c);
+    EXPECT_TRUE(started.ok()) << started.status().toString();
+    if (started.ok()) worker = std::move(*started);
+  }
+};
+
+size_t filesUnder(const std::string& folder) {
+  std::error_code error;
+  size_t n = 0;
+  for (fs::recursive_directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) n += it->is_regular_file();
+  return n;
+}
+
+struct FarmCalls : ServerTest {
+  std::unique_ptr<v1::Jobs::Stub> jobs;
+  std::unique_ptr<v1::Farm::Stub> farm;
+  std::vector<std::unique_ptr<WorkerHere>> workers;
+
+  void configure(ServerConfig& c) override {
+    c.jobsFolder = folder + "/jobs";
+    c.jobsWorkers = 0;
+    c.jobsLeaseSeconds = 1;
+    c.jobsCheckpointSeconds = 0.05;
+    c.farmWorkers = 4;
+    TokenConfig plain, worker;
+    const auto secret = [](const std::string& text) { return sha256Hex(text.data(), text.size()); };
+    plain.name = "plain";
+    plain.sha256 = secret("secret-plain");
+    worker.name = "worker";
+    worker.sha256 = secret("secret-worker");
+    worker.worker = true;
+    c.tokens = {plain, worker};
+  }
+  void SetUp() override {
+    ServerTest::SetUp();
+    connect();
+  }
+  void connect() {
+    grpc::ChannelArguments own;
+    own.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+    channel = grpc::CreateCustomChannel(server->addresses()[0], grpc::InsecureChannelCredentials(), own);
+    jobs = v1::Jobs::NewStub(channel);
+    farm = v1::Farm::NewStub(channel);
+  }
+  void TearDown() override {
+    workers.clear();
+    ServerTest::TearDown();
+  }
+  void hire(int n, uint32_t frames = 1) {
+    for (int i = 0; i < n; ++i)
+      workers.push_back(
+          std::make_unique<WorkerHere>(config.listen[0], folder + "/w" + std::to_string(workers.size()), "w" + std::to_string(workers.size()), frames));
+  }
+  static v1::JobSpec spec(uint32_t spp, int frames, uint64_t seed = 0) {
+    v1::JobSpec s;
+    *s.mutable_request() = small(spp);
+    s.mutable_request()->set_width(24);
+    s.mutable_request()->set_height(16);
+    s.mutable_request()->set_seed(seed);
+    s.mutable_frames()->set_first(1);
+    s.mutable_frames()->set_last(frames);
+    return s;
+  }
+  v1::Job submit(const v1::JobSpec& s) {
+    grpc::ClientContext context;
+    bound(context);
+    v1::Job job;
+    const grpc::Status status = jobs->Submit(&context, s, &job);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return job;
+  }
+  v1::Job get(const std::string& id) {
+    grpc::ClientContext context;
+    bound(context);
+    v1::GetJobRequest r;
+    r.set_id(id);
+    v1::Job job;
+    EXPECT_TRUE(jobs->Get(&context, r, &job).ok());
+    return job;
+  }
+  v1::Job over(const std::string& id, double seconds = 60) {
+    v1::Job job;
+    EXPECT_TRUE(eventually([&] { return job = get(id), jobIsOver(job.state()); }, seconds)) << job.ShortDebugString();
+    return job;
+  }
+  std::string resultBytes(const std::string& id, const v1::Frame& frame, int file = 0) {
+    std::ifstream in(folder + "/jobs/results/" + id.substr(2) + "/" + frame.files(file).sha256(), std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  /// The frames have the bits of this daemon's own renders.
+  void sameBits(const v1::Job& job) {
+    EXPECT_EQ(job.state(), v1::Job::DONE) << job.ShortDebugString();
+    for (const v1::Frame& frame : job.frames()) {
+      v1::RenderRequest request = job.spec().request();
+      if (job.spec().frames().has_fps()) request.set_time_s(double(frame.frame()) / job.spec().frames().fps());
+      const Collected whole = renderOnce(request);
+      ASSERT_TRUE(whole.status.ok()) << whole.status.error_message();
+      ASSERT_EQ(frame.files_size(), int(whole.images.size()));
+      for (int i = 0; i < frame.files_size(); ++i) EXPECT_TRUE(resultBytes(job.id(), frame, i) == whole.images[size_t(i)]) << frame.ShortDebugString();
+    }
+  }
+  std::vector<v1::Worker> list() {
+    grpc::ClientContext context;
+    bound(context);
+    v1::WorkersReply reply;
+    EXPECT_TRUE(farm->Workers(&context, {}, &reply).ok());
+    return {reply.workers().begin(), reply.workers().end()};
+  }
+  /// A worker played by the test: attends until it goes.
+  struct Played {
+    grpc::ClientContext context;
+    std::unique_ptr<grpc::ClientReader<v1::FarmNews>> reader;
+    std::string id;
+    explicit Played(v1::Farm::Stub& stub, const std::string& name = "played") {
+      v1::AttendRequest r;
+      r.mutable_worker()->set_name(name);
+      r.mutable_worker()->set_build(buildVersion());
+      r.mutable_worker()->set_numeric_class(gobo::numericClass());
+      bound(context);
+      reader = stub.Attend(&context, r);
+      v1::FarmNews news;
+      if (reader->Read(&news)) id = news.worker();
+    }
+    ~Played() {
+      context.TryCancel();
+      (void)reader->Finish();
+    }
+  };
+  v1::ClaimReply claim(const std::string& worker) {
+    grpc::ClientContext context;
+    bound(context);
+    v1::ClaimRequest r;
+    r.set_worker(worker);
+    v1::ClaimReply reply;
+    const grpc::Status status = farm->Claim(&context, r, &reply);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return reply;
+  }
+  template <typename Request, typename Reply>
+  grpc::Status call(grpc::Status (v1::Farm::Stub::*method)(grpc::ClientContext*, const Request&, Reply*), const Request& request, Reply* reply) {
+    grpc::ClientContext context;
+    bound(context);
+    return (farm.get()->*method)(&context, request, reply);
+  }
+  grpc::Status put(const v1::PutFarmFileRequest::Begin& begin, const std::string& data) {
+    grpc::ClientContext context;
+    bound(context);
+    v1::FarmAck ack;
+    auto writer = farm->Put(&context, &ack);
+    v1::PutFarmFileRequest message;
+    *message.mutable_begin() = begin;
+    writer->Write(message);
+    message.set_data(data);
+    writer->Write(message);
+    writer->WritesDone();
+    return writer->Finish();
+  }
+};
+
+TEST_F(FarmCalls, FramesOfWorkersHaveTheSameBits) {
+  hire(2);
+  const v1::Job a = submit(spec(8, 4, 3));
+  v1::JobSpec two = spec(4, 2, 5);
+  two.mutable_request()->add_outputs("beauty");
+  two.mutable_request()->add_outputs("depth");
+  two.mutable_request()->mutable_encoding()->set_format(v1::Encoding::EXR);
+  two.mutable_frames()->set_fps(24);
+  const v1::Job b = submit(two);
+  sameBits(over(a.id()));
+  sameBits(over(b.id()));
+  const auto rows = list();
+  ASSERT_EQ(rows.size(), 2u);
+  EXPECT_EQ(rows[0].info().name(), "w0");
+  EXPECT_TRUE(rows[0].attending() && rows[1].attending());
+  EXPECT_EQ(rows[0].done() + rows[1].done(), 6u);
+  EXPECT_EQ(rows[0].running() + rows[1].running(), 0u);
+  // What a worker had of them was on its way only; the scene stays.
+  for (const auto& w : workers) w->worker->stop();
+  for (int i = 0; i < 2; ++i) {
+    const std::string cache = folder + "/w" + std::to_string(i) + "/cache";
+    EXPECT_EQ(filesUnder(cache + "/results") + filesUnder(cache + "/checkpoints") + filesUnder(cache + "/tmp"), 0u);
+    if (rows[size_t(i)].done()) EXPECT_EQ(filesUnder(cache + "/scenes"), 1u);
+  }
+  EXPECT_EQ(filesUnder(folder + "/jobs/checkpoints"), 0u);
+  EXPECT_TRUE(eventually([&] { return !list()[0].attending() && !list()[1].attending(); }));
+}
+
+// Scene and map are the coordinator's files: a worker has neither the files nor a program that reads them.
+TEST_F(FarmCalls, ScenesAndMapsAreSent) {
+  std::ofstream(folder + "/root/quad.gltf") << smallGltf("paint.png");
+  std::ofstream(folder + "/root/paint.png", std::ios::binary) << smallPng(200, 40, 90);
+  std::string hdr = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n";
+  for (int i = 0; i < 32; ++i) hdr += {char(40 + 5 * i), char(90), char(200 - 3 * i), char(129)};
+  std::ofstream(folder + "/root/map.hdr", std::ios::binary) << hdr;
+  grpc::ClientContext context;
+  bound(context);
+  v1::OpenSceneRequest open;
+  open.set_source(folder + "/root/quad.gltf");
+  open.set_name("quad");
+  v1::SceneInfo info;
+  ASSERT_TRUE(scenes->Open(&context, open, &info).ok());
+  v1::JobSpec s = spec(16, 2);
+  s.mutable_request()->set_scene("quad");
+  s.mutable_request()->mutable_environment()->set_path(folder + "/root/map.hdr");
+  const v1::Job job = submit(s);
+  hire(1);
+  sameBits(over(job.id()));
+  const std::string kept = folder + "/w0/cache/scenes";
+  EXPECT_EQ(filesUnder(kept), 2u);
+  // Once: the next worker of that folder has them already, damaged ones are sent again.
+  workers.clear();
+  std::string blob;
+  for (const auto& e : fs::directory_iterator(kept))
+    if (e.path().filename().string().rfind("scene-", 0) == 0) blob = e.path().string();
+  ASSERT_FALSE(blob.empty());
+  const auto size = fs::file_size(blob);
+  {
+    std::fstream damage(blob, std::ios::in | std::ios::out | std::ios::binary);
+    damage.seekp(std::streamoff(size / 2));
+    damage << "damage";
+  }
+  s.set_key("again");
+  const v1::Job again = submit(s);
+  workers.push_back(std::make_unique<WorkerHere>(config.listen[0], folder + "/w0", "w0"));
+  sameBits(over(again.id()));
+  EXPECT_EQ(fs::file_size(blob), size);
+  // Another map under the same name: the job that was promised the old one fails, as it does here.
+  s.set_key("third");
+  workers.clear();
+  const v1::Job third = submit(s);
+  hdr.back() = char(130);
+  std::ofstream(folder + "/root/map.hdr", std::ios::binary) << hdr;
+  workers.push_back(std::make_unique<WorkerHere>(config.listen[0], folder + "/w1", "w1"));  // which has no copy
+  const v1::Job failed = over(third.id());
+  EXPECT_EQ(failed.state(), v1::Job::FAILED);
+  EXPECT_NE(failed.error().message().find("changed since the job was submitted"), std::string::npos) << failed.error().message();
+}
+
+TEST_F(FarmCalls, AFrameOfADeadWorkerGoesOnFromItsCheckpoint) {
+  const v1::Job job = submit(spec(3000, 1));
+  hire(1);
+  ASSERT_TRUE(eventually([&] { return !get(job.id()).frames(0).checkpoint().empty(); })) << get(job.id()).ShortDebugString();
+  // Dead: nothing of it is released. (Its threads end, but its reports have no way.)
+  v1::Job mid = get(job.id());
+  workers[0]->worker->stop();  // gives it back with a checkpoint
+  ASSERT_TRUE(eventually([&] { return get(job.id()).frames(0).state() != v1::Frame::RUNNING; }));
+  workers.clear();
+  hire(1);
+  const v1::Job done = over(job.id(), 120);
+  sameBits(done);
+  EXPECT_EQ(done.frames(0).attempts(), 1u);
+  EXPECT_GT(mid.frames(0).progress(), 0);
+  ASSERT_NE(workers[0]->worker->stats(), nullptr);
+  EXPECT_EQ(workers[0]->worker->stats()->resumed.load(), 1u) << "from the checkpoint that came with the claim";
+}
+
+TEST_F(FarmCalls, PauseAndCancelReachWorkers) {
+  const v1::Job job = submit(spec(1 << 20, 1));
+  hire(1);
+  ASSERT_TRUE(eventually([&] { return get(job.id()).frames(0).state() == v1::Frame::RUNNING; }));
+  grpc::ClientContext a, b, c;
+  v1::Job reply;
+  v1::PauseJobRequest pause;
+  pause.set_id(job.id());
+  ASSERT_TRUE(jobs->Pause(&a, pause, &reply).ok());
+  EXPECT_TRUE(eventually([&] { return get(job.id()).frames(0).state() == v1::Frame::QUEUED; }));
+  EXPECT_TRUE(eventually([&] { return list().at(0).running() == 0; }));
+  v1::ResumeJobRequest resume;
+  resume.set_id(job.id());
+  ASSERT_TRUE(jobs->Resume(&b, resume, &reply).ok());
+  EXPECT_TRUE(eventually([&] { return get(job.id()).frames(0).state() == v1::Frame::RUNNING; }));
+  v1::CancelJobRequest cancel;
+  cancel.set_id(job.id());
+  ASSERT_TRUE(jobs->Cancel(&c, cancel, &reply).ok());
+  // The worker lets it go: it takes the next one.
+  const v1::Job next = submit(spec(4, 1));
+  sameBits(over(next.id()));
+}
+
+// A worker goes on through a restart of its coordinator: its lease is not ended with those of the dead.
+TEST_F(FarmCalls, TheCoordinatorMayBeRestarted) {
+  const v1::Job job = submit(spec(2500, 1));
+  hire(1);
+  ASSERT_TRUE(eventually([&] { return get(job.id()).frames(0).state() == v1::Frame::RUNNING; }));
+  channel.reset(), jobs.reset(), farm.reset(), render.reset(), scenes.reset(), admin.reset();
+  server->shutdown(0);
+  server.reset();
+  auto started = Server::start(config, engineOptions(config), true);
+  ASSERT_TRUE(started.ok()) << started.status().toString();
+  server = std::move(*started);
+  connect();
+  render = v1::Render::NewStub(channel);
+  const v1::Job done = over(job.id(), 120);
+  sameBits(done);
+  EXPECT_EQ(done.frames(0).attempts(), 1u);
+  EXPECT_EQ(workers[0]->worker->stats()->lost.load(), 0u);
+  EXPECT_EQ(workers[0]->worker->stats()->frames.load(), 1u);
+}
+
+TEST_F(FarmCalls, OthersAreRefusedWithBothNames) {
+  const auto attend = [&](const std::function<void(v1::WorkerInfo&)>& change) {
+    v1::AttendRequest r;
+    r.mutable_worker()->set_name("x");
+    r.mutable_worker()->set_build(buildVersion());
+    r.mutable_worker()->set_numeric_class(gobo::numericClass());
+    change(*r.mutable_worker());
+    grpc::ClientContext context;
+    bound(context);
+    auto reader = farm->Attend(&context, r);
+    v1::FarmNews news;
+    EXPECT_FALSE(reader->Read(&news));
+    return reader->Finish();
+  };
+  const grpc::Status build = attend([](v1::WorkerInfo& w) { w.set_build("0.0.1 other"); });
+  EXPECT_EQ(build.error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_NE(build.error_message().find("0.0.1 other"), std::string::npos) << build.error_message();
+  EXPECT_NE(build.error_message().find(buildVersion()), std::string::npos) << build.error_message();
+  const grpc::Status bits = attend([](v1::WorkerInfo& w) { w.set_numeric_class("x86-64-v4"); });
+  EXPECT_EQ(bits.error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_NE(bits.error_message().find("\"x86-64-v4\", the coordinator's \"" + gobo::numericClass()), std::string::npos) << bits.error_message();
+  for (const std::string& name : {std::string(), std::string("a b"), std::string(65, 'n'), std::string("../x")})
+    EXPECT_EQ(attend([&](v1::WorkerInfo& w) { w.set_name(name); }).error_code(), grpc::INVALID_ARGUMENT) << name;
+  EXPECT_TRUE(list().empty());
+  Played one(*farm), two(*farm), three(*farm), four(*farm);
+  const grpc::Status full = attend([](v1::WorkerInfo&) {});
+  EXPECT_EQ(full.error_code(), grpc::RESOURCE_EXHAUSTED);
+  EXPECT_NE(full.error_message().find("farm.workers"), std::string::npos) << full.error_message();
+}
+
+TEST_F(FarmCalls, OnlyWhatWasAnnouncedIsTakenIn) {
+  const v1::Job job = submit(spec(4, 2));
+  Played played(*farm);
+  const v1::ClaimReply held = claim(played.id);
+  ASSERT_TRUE(held.has_lease());
+  const std::string bytes = "a picture, say", sha = sha256Hex(bytes.data(), bytes.size()), xxh = hashBytes(bytes.data(), bytes.size()).hex();
+  const auto begin = [&](bool checkpoint, const std::string& digest, uint64_t size) {
+    v1::PutFarmFileRequest::Begin b;
+    *b.mutable_lease() = held.lease();
+    b.set_checkpoint(checkpoint);
+    b.set_digest(digest);
+    b.set_bytes(size);
+    return b;
+  };
+  const std::string jobsFolder = folder + "/jobs";
+  const size_t before = filesUnder(jobsFolder);
+  std::string other = sha;
+  other[0] = other[0] == 'a' ? 'b' : 'a';
+  for (const auto& [b, why] : {std::pair(begin(false, other, bytes.size()), "digest"), std::pair(begin(false, sha, bytes.size() + 1), "announced"),
+                               std::pair(begin(false, sha, bytes.size() - 1), "announced"), std::pair(begin(false, "../../../evil", bytes.size()), "hex"),
+                               std::pair(begin(false, xxh, bytes.size()), "64"), std::pair(begin(true, sha, bytes.size()), "32"),
+                               std::pair(begin(true, std::string(32, 'A'), bytes.size()), "hex")}) {
+    const grpc::Status status = put(b, bytes);
+    EXPECT_EQ(status.error_code(), grpc::INVALID_ARGUMENT) << b.ShortDebugString();
+    EXPECT_NE(status.error_message().find(why), std::string::npos) << status.error_message();
+  }
+  EXPECT_EQ(put(begin(false, sha, 1ull << 60), bytes).error_code(), grpc::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(filesUnder(jobsFolder), before) << "nothing stays of what was refused";
+
+  // Reports about files that are not there.
+  v1::CompletionReport done;
+  *done.mutable_lease() = held.lease();
+  v1::FrameFile& f = *done.add_files();
+  f.set_output("beauty");
+  f.set_sha256(sha);
+  f.set_bytes(bytes.size());
+  v1::FarmAck ack;
+  EXPECT_EQ(call(&v1::Farm::Stub::Complete, done, &ack).error_code(), grpc::INVALID_ARGUMENT);
+  v1::CheckpointReport checkpoint;
+  *checkpoint.mutable_lease() = held.lease();
+  checkpoint.mutable_checkpoint()->set_recipe(std::string(32, '1'));
+  checkpoint.mutable_checkpoint()->set_digest(xxh);
+  checkpoint.mutable_checkpoint()->set_bytes(bytes.size());
+  v1::CheckpointReply replaced;
+  EXPECT_EQ(call(&v1::Farm::Stub::Checkpoint, checkpoint, &replaced).error_code(), grpc::INVALID_ARGUMENT);
+  checkpoint.mutable_checkpoint()->set_digest("../" + xxh);
+  EXPECT_EQ(call(&v1::Farm::Stub::Checkpoint, checkpoint, &replaced).error_code(), grpc::INVALID_ARGUMENT);
+  f.set_sha256("../../" + sha);
+  EXPECT_EQ(call(&v1::Farm::Stub::Complete, done, &ack).error_code(), grpc::INVALID_ARGUMENT);
+  f.set_sha256(sha);
+
+  // As it should be; a report may be repeated.
+  ASSERT_TRUE(put(begin(true, xxh, bytes.size()), bytes).ok());
+  checkpoint.mutable_checkpoint()->set_digest(xxh);
+  EXPECT_TRUE(call(&v1::Farm::Stub::Checkpoint, checkpoint, &replaced).ok());
+  EXPECT_TRUE(call(&v1::Farm::Stub::Checkpoint, checkpoint, &replaced).ok());
+  v1::GetFarmFileRequest wanted;
+  *wanted.mutable_lease() = held.lease();
+  wanted.set_checkpoint(xxh);
+  grpc::ClientContext context;
+  auto reader = farm->Get(&context, wanted);
+  v1::FarmChunk chunk;
+  ASSERT_TRUE(reader->Read(&chunk));
+  EXPECT_EQ(chunk.data(), bytes);
+  EXPECT_FALSE(reader->Read(&chunk));
+  EXPECT_TRUE(reader->Finish().ok());
+  ASSERT_TRUE(put(begin(false, sha, bytes.size()), bytes).ok());
+  EXPECT_TRUE(call(&v1::Farm::Stub::Complete, done, &ack).ok());
+  EXPECT_TRUE(call(&v1::Farm::Stub::Complete, done, &ack).ok()) << "its first answer may have been lost";
+  EXPECT_EQ(filesUnder(jobsFolder + "/checkpoints"), 0u);
+  EXPECT_EQ(get(job.id()).frames_done(), 1u);
+}
+
+TEST_F(FarmCalls, WhoLostALeaseIsRefusedEverything) {
+  submit(spec(4, 1));
+  Played played(*farm, "slow");
+  const v1::ClaimReply held = claim(played.id);
+  ASSERT_TRUE(held.has_lease());
+  EXPECT_EQ(list().at(0).frames(0), "j-1:1");
+  EXPECT_FALSE(claim(played.id).has_lease());
+  // It is silent for longer than its lease; another takes over.
+  Played other(*farm, "fast");
+  v1::ClaimReply again;
+  ASSERT_TRUE(eventually([&] { return (again = claim(other.id)).has_lease(); }));
+  EXPECT_GT(again.lease().token(), held.lease().token());
+  v1::HoldRequest hold;
+  *hold.mutable_lease() = held.lease();
+  v1::HoldReply state;
+  EXPECT_EQ(call(&v1::Farm::Stub::Hold, hold, &state).error_code(), grpc::FAILED_PRECONDITION);
+  hold.set_renew(true);
+  EXPECT_EQ(call(&v1::Farm::Stub::Hold, hold, &state).error_code(), grpc::FAILED_PRECONDITION);
+  v1::PutFarmFileRequest::Begin b;
+  *b.mutable_lease() = held.lease();
+  b.set_digest(sha256Hex("x", 1));
+  b.set_bytes(1);
+  EXPECT_EQ(put(b, "x").error_code(), grpc::FAILED_PRECONDITION);
+  v1::GetFarmFileRequest wanted;
+  *wanted.mutable_lease() = held.lease();
+  wanted.set_scene(true);
+  grpc::ClientContext context;
+  auto reader = farm->Get(&context, wanted);
+  v1::FarmChunk chunk;
+  EXPECT_FALSE(reader->Read(&chunk));
+  EXPECT_EQ(reader->Finish().error_code(), grpc::FAILED_PRECONDITION);
+  v1::CompletionReport done;
+  *done.mutable_lease() = held.lease();
+  v1::FailureReport failed;
+  *failed.mutable_lease() = held.lease();
+  failed.mutable_error()->set_code(13);
+  v1::ReleaseReport release;
+  *release.mutable_lease() = held.lease();
+  v1::FarmAck ack;
+  EXPECT_EQ(call(&v1::Farm::Stub::Complete, done, &ack).error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_EQ(call(&v1::Farm::Stub::Fail, failed, &ack).error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_EQ(call(&v1::Farm::Stub::Release, release, &ack).error_code(), grpc::FAILED_PRECONDITION);
+  // The one that has it may still do all of that.
+  hold.mutable_lease()->CopyFrom(again.lease());
+  EXPECT_TRUE(call(&v1::Farm::Stub::Hold, hold, &state).ok());
+  release.mutable_lease()->CopyFrom(again.lease());
+  EXPECT_TRUE(call(&v1::Farm::Stub::Release, release, &ack).ok());
+}
+
+TEST_F(FarmCalls, AFailureIsCountedAndSaid) {
+  v1::JobSpec s = spec(4, 1);
+  s.set_max_attempts(1);
+  const v1::Job job = submit(s);
+  Played played(*farm);
+  const v1::ClaimReply held = claim(played.id);
+  v1::FailureReport failed;
+  *failed.mutable_lease() = held.lease();
+  failed.mutable_error()->set_code(0);
+  v1::FarmAck ack;
+  EXPECT_EQ(call(&v1::Farm::Stub::Fail, failed, &ack).error_code(), grpc::INVALID_ARGUMENT) << "a failure without a reason";
+  failed.mutable_error()->set_code(13);
+  failed.mutable_error()->set_message("the lamp fell over");
+  failed.set_retry(true);
+  EXPECT_TRUE(call(&v1::Farm::Stub::Fail, failed, &ack).ok());
+  const v1::Job now = get(job.id());
+  EXPECT_EQ(now.state(), v1::Job::FAILED);
+  EXPECT_NE(now.error().message().find("the lamp fell over"), std::string::npos);
+  EXPECT_EQ(list().at(0).failed(), 1u);
+}
+
+// Every call wants the right: a client's token has it not, a worker's has.
+TEST_F(FarmCalls, NeedsTheRightOfWorkers) {
+  const auto with = [&](const std::string& token, auto&& call) {
+    grpc::ClientContext context;
+    bound(context);
+    context.AddMetadata("authorization", "Bearer secret-" + token);
+    return call(context).error_code();
+  };
+  v1::FarmAck ack;
+  for (const std::string& token : {std::string("plain"), std::string("worker")}) {
+    const bool may = token == "worker";
+    v1::WorkersReply workersReply;
+    EXPECT_EQ(with(token, [&](auto& c) { return farm->Workers(&c, {}, &workersReply); }), may ? grpc::OK : grpc::PERMISSION_DENIED);
+    v1::ClaimReply claimReply;
+    EXPECT_EQ(with(token, [&](auto& c) { return farm->Claim(&c, {}, &claimReply); }), may ? grpc::FAILED_PRECONDITION : grpc::PERMISSION_DENIED);
+    v1::HoldReply holdReply;
+    EXPECT_EQ(with(token, [&](auto& c) { return farm->Hold(&c, {}, &holdReply); }), may ? grpc::FAILED_PRECONDITION : grpc::PERMISSION_DENIED);
+    v1::CheckpointReply checkpointReply;
+    EXPECT_EQ(with(token, [&](auto& c) { return farm->Checkpoint(&c, {}, &checkpointReply); }), may ? grpc::INVALID_ARGUMENT : grpc::PERMISSION_DENIED);
+    EXPECT_EQ(with(token, [&](auto& c) { return farm->Complete(&c, {}, &ack); }), may ? grpc::FAILED_PRECONDITION : grpc::PERMISSION_DENIED);
+    EXPECT_EQ(with(token, [&](auto& c) { return farm->Fail(&c, {}, &ack); }), may ? grpc::INVALID_ARGUMENT : grpc::PERMISSION_DENIED);
+    EXPECT_EQ(with(token, [&](auto& c) { return farm->Release(&c, {}, &ack); }), may ? grpc::FAILED_PRECONDITION : grpc::PERMISSION_DENIED);
+    const auto attendCode = with(token, [&](auto& c) {
+      auto reader = farm->Attend(&c, {});
+      v1::FarmNews news;
+      while (reader->Read(&news)) {}
+      return reader->Finish();
+    });
+    EXPECT_EQ(attendCode, may ? grpc::INVALID_ARGUMENT : grpc::PERMISSION_DENIED);
+    const auto getCode = with(token, [&](auto& c) {
+      auto reader = farm->Get(&c, {});
+      v1::FarmChunk chunk;
+      while (reader->Read(&chunk)) {}
+      return reader->Finish();
+    });
+    EXPECT_EQ(getCode, may ? grpc::FAILED_PRECONDITION : grpc::PERMISSION_DENIED);
+    const auto putCode = with(token, [&](auto& c) {
+      auto writer = farm->Put(&c, &ack);
+      writer->WritesDone();
+      return writer->Finish();
+    });
+    EXPECT_EQ(putCode, may ? grpc::INVALID_ARGUMENT : grpc::PERMISSION_DENIED);
+  }
+}
+
+}  // namespace
+}  // namespace gobo::farm_service_test
