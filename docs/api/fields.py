@@ -7,9 +7,9 @@
 from google.protobuf import descriptor_pool
 from google.protobuf.descriptor import FieldDescriptor
 
-from gobo.v1 import filters_pb2, jobs_pb2, options_pb2, render_pb2, service_pb2
+from gobo.v1 import farm_pb2, filters_pb2, jobs_pb2, options_pb2, render_pb2, service_pb2
 
-FILES = (service_pb2, render_pb2, filters_pb2, jobs_pb2)
+FILES = (service_pb2, render_pb2, filters_pb2, jobs_pb2, farm_pb2)
 SCALARS = {getattr(FieldDescriptor, name): name[5:].lower() for name in dir(FieldDescriptor) if name.startswith("TYPE_")}
 
 

@@ -108,23 +108,19 @@ grpc::Status FarmService::attend(Rpc& rpc, const v1::AttendRequest& request, grp
   news.set_worker(*id);
   news.set_lease_s(core_.config.jobsLeaseSeconds);
   news.set_checkpoint_s(core_.config.jobsCheckpointSeconds);
-  uint64_t seen = hub.version(), steers = hub.control();
-  news.set_changes(seen);
-  news.set_steers(steers);
-  bool changed = true;
-  for (;;) {
-    if (changed) {
+  JobHub::News seen = hub.news();
+  for (bool tell = true;;) {
+    news.set_queued(seen.queued);
+    news.set_steered(seen.steered);
+    if (tell) {
       const IdleWatch::Wait wait(core_.idle, rpc.context());
       if (!writer.Write(news)) return {grpc::StatusCode::CANCELLED, "the worker has gone"};
     }
-    const uint64_t before = seen;
-    hub.wait(seen, kPoll);
+    const JobHub::News now = hub.waitNews(seen, kPoll);
     if (rpc.context().IsCancelled()) return {grpc::StatusCode::CANCELLED, "the worker has gone"};
     if (core_.draining()) return rpc.refuseDraining();
-    changed = seen != before || hub.control() != steers;
-    steers = hub.control();
-    news.set_changes(seen);
-    news.set_steers(steers);
+    tell = now != seen;
+    seen = now;
   }
 }
 
@@ -235,7 +231,7 @@ grpc::Status FarmService::Fail(grpc::ServerContext* context, const v1::FailureRe
     if (!report->retry() || !record.ok() || jobIsOver(record->job.state())) files().removeCheckpoints(lease.task);
     book_.ended(lease.task, lease.token, WorkerBook::End::Failed);
     core_.durable->hub().clearLive(lease.task);
-    core_.durable->hub().changed();
+    core_.durable->hub().queued();
     return grpc::Status::OK;
   });
 }
@@ -247,7 +243,7 @@ grpc::Status FarmService::Release(grpc::ServerContext* context, const v1::Releas
     if (!status.ok()) return toGrpc(status);
     book_.ended(lease.task, lease.token, WorkerBook::End::Released);
     core_.durable->hub().clearLive(lease.task);
-    core_.durable->hub().changed();
+    core_.durable->hub().queued();
     return grpc::Status::OK;
   });
 }

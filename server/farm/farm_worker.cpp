@@ -21,6 +21,7 @@ namespace gobo::farm {
 namespace {
 
 constexpr double kFirstWait = 0.1, kMostWait = 5, kRefusedWait = 30;  // seconds before the coordinator is asked again
+constexpr double kIdlePoll = 5;  // between claims when nothing is ready: news come over the stream, but for frames whose wait after a failure is over
 
 /// The host's name, of what a worker's name may hold.
 std::string hostName() {
@@ -60,6 +61,7 @@ Result<std::unique_ptr<FarmWorker>> FarmWorker::start(Engine& engine, JobRunner&
   self->files_.opened();
   self->tasks_ = std::make_unique<RemoteTasks>(self->link_, self->files_, self->hub_);
   self->scenes_ = std::make_unique<RemoteScenes>(*self->tasks_, self->files_, config.farmCacheBytes);
+  self->telling_.start(std::chrono::seconds(1), [tasks = self->tasks_.get()] { tasks->tellProgress(); });
   self->thread_ = std::thread([s = self.get()] { s->attendLoop(); });
   return self;
 }
@@ -78,6 +80,7 @@ void FarmWorker::stop() {
     stopping_ = true;
     worker = worker_.get();
   }
+  telling_.stop();
   if (worker) worker->stop();  // while the stream is open: reports still go through
   {
     const std::lock_guard lock(mutex_);
@@ -140,11 +143,11 @@ Status FarmWorker::attendOnce() {
   }
   const auto reader = link_.stub->Attend(&context, request);
   v1::FarmNews news;
-  uint64_t steers = 0;
+  uint64_t steered = 0;
   while (reader->Read(&news)) {
     if (link_.id().empty()) {
       if (news.worker().empty()) break;
-      steers = news.steers();
+      steered = news.steered();
       {
         const std::lock_guard lock(link_.mutex);
         link_.worker = news.worker();
@@ -158,12 +161,13 @@ Status FarmWorker::attendOnce() {
         options.leaseSeconds = std::clamp(news.lease_s(), 1.0, 86400.0);
         options.checkpointSeconds = std::clamp(news.checkpoint_s(), 0.05, 86400.0);
         options.holder = name_;
+        options.pollSeconds = kIdlePoll;
         worker_ = std::make_unique<JobWorker>(engine_, runner_, *tasks_, files_, *scenes_, hub_, options);
       }
     }
-    if (news.steers() != steers) hub_.steered();
+    if (news.steered() != steered) hub_.steered();
     else hub_.changed();
-    steers = news.steers();
+    steered = news.steered();
   }
   const Status end = fromGrpc(reader->Finish());
   const std::lock_guard lock(mutex_);

@@ -12,6 +12,7 @@
 #include "server/config.h"
 #include "server/farm/remote_scenes.h"
 #include "server/jobs/job_worker.h"
+#include "server/repeating.h"
 
 namespace gobo::farm {
 
@@ -49,6 +50,7 @@ class FarmWorker {
   grpc::ClientContext* attending_ = nullptr;  // under mutex_
   bool stopping_ = false;                     // under mutex_
   std::thread thread_;
+  Repeating telling_;  // of progress; ends before what it reads
 };
 
 }  // namespace gobo::farm

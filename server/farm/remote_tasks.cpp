@@ -87,6 +87,21 @@ Result<v1::Job::State> RemoteTasks::hold(const Lease& lease, bool renew) {
   return reply.state();
 }
 
+void RemoteTasks::tellProgress() {
+  std::vector<Lease> changed;
+  {
+    const std::lock_guard lock(mutex_);
+    for (auto& [task, claimed] : claimed_) {
+      const auto live = hub_.live(task.job);
+      const auto at = live.find(task);
+      if (at == live.end() || at->second.progress - claimed.told < 0.005) continue;
+      claimed.told = at->second.progress;
+      changed.push_back(claimed.lease);
+    }
+  }
+  for (const Lease& lease : changed) (void)hold(lease, false);
+}
+
 Status RemoteTasks::put(const Lease& lease, bool checkpoint, const std::string& digest, const std::string& path) {
   GOBO_ASSIGN(const std::vector<uint8_t> bytes, files_.read(path));
   grpc::ClientContext context;

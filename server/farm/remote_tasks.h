@@ -42,6 +42,9 @@ class RemoteTasks final : public TaskStore {
   Status fail(const Lease& lease, const FailedReport& report) override;
   Status release(const Lease& lease) override;
 
+  /// Tells the coordinator how far frames are, where that has changed.
+  void tellProgress();
+
   /// Fetches what `request` names (its lease is filled in: one of the job's) into the file.
   Status fetch(int64_t job, v1::GetFarmFileRequest request, const std::string& path);
 
@@ -49,6 +52,7 @@ class RemoteTasks final : public TaskStore {
   struct Claimed {
     Lease lease;
     std::vector<CheckpointRow> checkpoints;
+    double told = 0;  // progress
   };
   Result<v1::Job::State> hold(const Lease& lease, bool renew);
   Status put(const Lease& lease, bool checkpoint, const std::string& digest, const std::string& path);

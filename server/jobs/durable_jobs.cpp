@@ -62,7 +62,7 @@ Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunne
   self->worker_ = std::make_unique<JobWorker>(engine, runner, *self->store_, self->files_, *self->scenes_, self->hub_, options);
   const auto tell = [hub = &self->hub_](bool steered) {
     if (steered) hub->steered();
-    else hub->changed();
+    else hub->queued();
   };
   if (farm) self->news_ = std::make_unique<JobNews>(config.jobsStore, tell);
   self->mind();  // leases of a daemon that is gone, at once

@@ -14,6 +14,36 @@ void JobHub::changed() {
   wake_.notify_all();
 }
 
+void JobHub::steered() {
+  control_.fetch_add(1);
+  {
+    const std::lock_guard lock(mutex_);
+    ++news_.steered;
+  }
+  newsWake_.notify_all();
+  changed();
+}
+
+void JobHub::queued() {
+  {
+    const std::lock_guard lock(mutex_);
+    ++news_.queued;
+  }
+  newsWake_.notify_all();
+  changed();
+}
+
+JobHub::News JobHub::news() const {
+  const std::lock_guard lock(mutex_);
+  return news_;
+}
+
+JobHub::News JobHub::waitNews(const News& seen, double seconds) const {
+  std::unique_lock lock(mutex_);
+  newsWake_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return news_ != seen; });
+  return news_;
+}
+
 uint64_t JobHub::version() const {
   const std::lock_guard lock(mutex_);
   return version_;

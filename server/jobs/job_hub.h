@@ -21,10 +21,16 @@ class JobHub {
   };  ///< stored: what the store's row says
 
   void changed();
-  void steered() {
-    control_.fetch_add(1);
-    changed();
-  }
+  void steered();
+  /// Frames may have become ready: whoever works elsewhere is told (server/farm).
+  void queued();
+  struct News {
+    uint64_t queued = 0, steered = 0;  ///< how often
+    bool operator==(const News&) const = default;
+  };
+  News news() const;
+  /// Waits until there is other news, at most `seconds`. Changes and progress of frames wake nobody here: there may be a thousand who wait.
+  News waitNews(const News& seen, double seconds) const;
   uint64_t control() const { return control_.load(); }
   uint64_t version() const;
   /// Waits until version() is not `seen`, at most `seconds`; updates `seen`.
@@ -39,7 +45,9 @@ class JobHub {
  private:
   mutable std::mutex mutex_;
   std::condition_variable wake_;
+  mutable std::condition_variable newsWake_;
   uint64_t version_ = 0;
+  News news_;
   std::atomic<uint64_t> control_{0};
   std::map<TaskId, Live> live_;
 };

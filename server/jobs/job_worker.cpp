@@ -26,7 +26,7 @@ void JobWorker::loop(int number) {
     auto lease = store_.claim(holder, options_.leaseSeconds);
     if (!lease.ok()) logWarn("jobs: cannot claim: %s", lease.status().toString().c_str());
     if (!lease.ok() || !*lease) {
-      hub_.wait(seen, lease.ok() ? 0.5 : 2);  // other processes submit too, and retries become ready
+      hub_.wait(seen, lease.ok() ? options_.pollSeconds : 2);
       continue;
     }
     hub_.changed();

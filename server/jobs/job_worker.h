@@ -22,6 +22,7 @@ struct JobWorkerOptions {
   double leaseSeconds = 30;
   double checkpointSeconds = 30;  ///< between checkpoints of a frame; more when writing one takes over a twentieth of it
   std::string holder;             ///< names this process in the store
+  double pollSeconds = 0.5;       ///< between claims when nothing was ready: other processes submit too, and retries become ready
   CrashMarks* marks = nullptr;    ///< may be null
 };
 

@@ -67,7 +67,7 @@ grpc::Status JobsService::submit(Rpc& rpc, const v1::JobSpec& spec, v1::Job* rep
     bool existed = false;
     id = jobs.store().submit(*job, existed);
     if (!id.ok()) return toGrpc(id.status());
-    jobs.hub().changed();
+    jobs.hub().queued();
   }
   auto record = read(rpc, jobIdText(*id), false);
   if (!record.ok()) return toGrpc(record.status());

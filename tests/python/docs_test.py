@@ -116,6 +116,10 @@ class Pages(unittest.TestCase):
         self.assertIn("data:image/png;base64,", (self.folder / "nightly.out/report.html").read_text(encoding="utf-8"))
         self.assertEqual(len((self.folder / "references/accepted.jsonl").read_text(encoding="utf-8").splitlines()), 2)
 
+    def test_farm_page(self):
+        self.assertEqual(self.run_page("docs/farm.md"), 1)
+        self.assertEqual(len(list((self.folder / "shots").glob("*.exr"))), 8)
+
     def test_readme(self):
         if self.run_page("README.md") == 0:
             self.skipTest("README.md has no block marked <!-- run -->")

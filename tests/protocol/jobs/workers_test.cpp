@@ -334,6 +334,39 @@ TEST_F(FarmCalls, TheCoordinatorMayBeRestarted) {
   EXPECT_EQ(workers[0]->worker->stats()->frames.load(), 1u);
 }
 
+/// Leases and checkpoints so seldom that nothing else tells how far a frame is.
+struct FarmProgress : FarmCalls {
+  void configure(ServerConfig& c) override {
+    FarmCalls::configure(c);
+    c.jobsLeaseSeconds = 600;
+    c.jobsCheckpointSeconds = 600;
+  }
+};
+
+TEST_F(FarmProgress, IsSeenWhereTheJobIs) {
+  const v1::Job job = submit(spec(1 << 17, 1));
+  hire(1);
+  double progress = 0;
+  EXPECT_TRUE(eventually([&] { return (progress = get(job.id()).frames(0).progress()) > 0; })) << progress;
+  EXPECT_LT(progress, 1);
+  grpc::ClientContext context;
+  v1::Job reply;
+  v1::CancelJobRequest cancel;
+  cancel.set_id(job.id());
+  ASSERT_TRUE(jobs->Cancel(&context, cancel, &reply).ok());
+  EXPECT_TRUE(eventually([&] { return list().at(0).running() == 0; })) << "told at once, not with the next renewal";
+}
+
+// An idle worker asks seldom: it is the stream that says that there is something.
+TEST_F(FarmProgress, IdleWorkersAreToldOfWork) {
+  hire(1);
+  ASSERT_TRUE(eventually([&] { return workers[0]->worker->attends(); }));
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // its first claim found nothing
+  const auto begun = std::chrono::steady_clock::now();
+  over(submit(spec(4, 1)).id());
+  EXPECT_LT(std::chrono::steady_clock::now() - begun, std::chrono::milliseconds(4500)) << "not by its own next question";
+}
+
 TEST_F(FarmCalls, OthersAreRefusedWithBothNames) {
   const auto attend = [&](const std::function<void(v1::WorkerInfo&)>& change) {
     v1::AttendRequest r;
