@@ -344,7 +344,10 @@ struct FarmProgress : FarmCalls {
 };
 
 TEST_F(FarmProgress, IsSeenWhereTheJobIs) {
-  const v1::Job job = submit(spec(1 << 17, 1));
+  v1::JobSpec large = spec(512, 1);  // many tiles: the path tracer tells when some are done
+  large.mutable_request()->set_width(320);
+  large.mutable_request()->set_height(240);
+  const v1::Job job = submit(large);
   hire(1);
   double progress = 0;
   EXPECT_TRUE(eventually([&] { return (progress = get(job.id()).frames(0).progress()) > 0; })) << progress;
