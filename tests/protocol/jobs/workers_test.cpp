@@ -216,7 +216,7 @@ TEST_F(FarmCalls, FramesOfWorkersHaveTheSameBits) {
   for (int i = 0; i < 2; ++i) {
     const std::string cache = folder + "/w" + std::to_string(i) + "/cache";
     EXPECT_EQ(filesUnder(cache + "/results") + filesUnder(cache + "/checkpoints") + filesUnder(cache + "/tmp"), 0u);
-    if (rows[size_t(i)].done()) EXPECT_EQ(filesUnder(cache + "/scenes"), 1u);
+    EXPECT_EQ(filesUnder(cache + "/scenes"), rows[size_t(i)].done() ? 1u : 0u);
   }
   EXPECT_EQ(filesUnder(folder + "/jobs/checkpoints"), 0u);
   EXPECT_TRUE(eventually([&] { return !list()[0].attending() && !list()[1].attending(); }));

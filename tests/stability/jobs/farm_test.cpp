@@ -2,14 +2,7 @@
 // A farm: three daemons, one PostgreSQL server, one folder. Daemons are killed with -9, and the server is stopped as if its machine had lost
 // power, while jobs are submitted and rendered. In the end every job that was acknowledged is done, each frame once, with the bits of a render
 // by one daemon alone.
-#include <gtest/gtest.h>
-
-#include <map>
-#include <set>
-
-#include "daemon.h"
-#include "import/load.h"
-#include "server/encode.h"
+#include "farm_jobs.h"
 #include "server/jobs/postgres_job_store.h"
 #include "support/postgres_server.h"
 
@@ -17,37 +10,11 @@ namespace gobo::farm_test {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
-
-void rest(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
-
-v1::JobSpec spec(int i) {
-  v1::JobSpec s;
-  s.set_key("shot-" + std::to_string(i));
-  s.mutable_frames()->set_first(1);
-  s.mutable_frames()->set_last(3);
-  v1::RenderRequest& r = *s.mutable_request();
-  r.set_scene("cornell");
-  r.set_width(24);
-  r.set_height(24);
-  r.set_seed(uint64_t(i));
-  r.mutable_halt()->set_spp(i % 2 ? 256 : 768);
-  r.mutable_encoding()->set_format(v1::Encoding::RAW_FLOAT);
-  r.mutable_integrator()->set_max_bounces(2);
-  return s;
-}
-
-template <typename Request, typename Reply, typename Call>
-bool ask(const test::Daemon& daemon, Call call, const Request& request, Reply& reply) {
-  grpc::ClientContext context;
-  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(10));
-  const auto stub = v1::Jobs::NewStub(daemon.channel());
-  return (stub.get()->*call)(&context, request, &reply).ok();
-}
+using test::rest;
 
 TEST(Farm, NothingLostNothingTwiceTheSameBits) {
   if (const std::string why = test::withoutPostgres(); !why.empty()) GTEST_SKIP() << why;
-  constexpr int kDaemons = 3, kJobs = 6;
+  constexpr int kDaemons = 3;
   test::PostgresServer server(true);
   const test::TemporaryFolder folder;
   const std::string jobs = "folder = \"" + folder.path + "/shared\"\nstore = \"" + server.uri() + "\"\nlease_s = 1\n";
@@ -59,15 +26,10 @@ TEST(Farm, NothingLostNothingTwiceTheSameBits) {
     daemons.push_back(std::make_unique<test::Daemon>(places.back(), 1, jobs));
     ASSERT_TRUE(daemons.back()->start());
   }
-  // Jobs go to any of the daemons, and again until one has acknowledged them.
-  std::map<std::string, std::string> ids;
-  const auto submit = [&](int i) {
-    for (int attempt = 0; attempt < 60 && !ids.count(spec(i).key()); ++attempt) {
-      v1::Job job;
-      if (ask(*daemons[size_t(i + attempt) % kDaemons], &v1::Jobs::Stub::Submit, spec(i), job)) ids[spec(i).key()] = job.id();
-      else rest(0.1);
-    }
-  };
+  std::vector<const test::Daemon*> any;
+  for (const auto& d : daemons) any.push_back(d.get());
+  test::FarmJobs shots({768, 256});
+  const auto submit = [&](int i) { shots.submit(i, any); };
   const auto killed = [&](int i) {
     const int status = daemons[size_t(i)]->kill(SIGKILL);
     EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL) << "daemon " << i << " died by itself: " << status;
@@ -91,70 +53,19 @@ TEST(Farm, NothingLostNothingTwiceTheSameBits) {
   ASSERT_TRUE(daemons[1]->start());
   submit(5);
   ASSERT_TRUE(daemons[2]->start());
-  ASSERT_EQ(ids.size(), size_t(kJobs));
-
-  std::vector<v1::Job> all;
-  for (const auto start = Clock::now();; rest(0.1)) {
-    v1::ListJobsRequest l;
-    l.set_page_size(100);
-    v1::ListJobsReply reply;
-    if (ask(*daemons[1], &v1::Jobs::Stub::List, l, reply)) {
-      all.assign(reply.jobs().begin(), reply.jobs().end());
-      if (all.size() >= size_t(kJobs) && std::all_of(all.begin(), all.end(), [](const v1::Job& j) { return jobIsOver(j.state()); })) break;
-    }
-    ASSERT_LT(std::chrono::duration<double>(Clock::now() - start).count(), 120) << "jobs do not end";
-  }
-  EXPECT_EQ(all.size(), size_t(kJobs)) << "a job is there twice";
-  EngineOptions options;
-  options.loader = inProcessLoader();
-  options.threads = 2;
-  auto engine = std::move(*Engine::create(options));
-  std::set<std::string> wanted;
-  for (int i = 0; i < kJobs; ++i) {
-    v1::GetJobRequest g;
-    g.set_id(ids[spec(i).key()]);
-    v1::Job job;
-    ASSERT_TRUE(ask(*daemons[size_t(i) % kDaemons], &v1::Jobs::Stub::Get, g, job));
-    EXPECT_EQ(job.state(), v1::Job::DONE) << job.ShortDebugString();
-    EXPECT_EQ(job.frames_done(), 3u);
-    const auto whole = engine->render(spec(i).request());
-    ASSERT_TRUE(whole.ok());
-    const std::vector<uint8_t> bits = rawBytes(whole->images[0].pixels(), false).copy();
-    for (const v1::Frame& frame : job.frames()) {
-      EXPECT_EQ(frame.attempts(), 1u) << job.id();
-      ASSERT_EQ(frame.files_size(), 1);
-      const std::string path = folder.path + "/shared/results/" + job.id().substr(2) + "/" + frame.files(0).sha256();
-      wanted.insert(path);
-      std::ifstream in(path, std::ios::binary);
-      const std::string bytes((std::istreambuf_iterator<char>(in)), {});
-      EXPECT_TRUE(bytes == std::string(bits.begin(), bits.end())) << job.id() << " frame " << frame.frame();
-    }
-  }
+  shots.waitUntilOver(*daemons[1]);
+  shots.expectRendered(any, folder.path + "/shared/results");
   for (auto& d : daemons) {
     const int status = d->kill(SIGTERM);
     EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
   }
-  for (const auto& entry : fs::recursive_directory_iterator(folder.path + "/shared/results"))
-    EXPECT_TRUE(!entry.is_regular_file() || wanted.count(entry.path().string())) << entry.path() << " is nobody's";
+  shots.expectNothingElse(folder.path + "/shared/results");
   auto store = PostgresJobStore::open(server.uri());
   ASSERT_TRUE(store.ok());
   EXPECT_EQ(*(*store)->integrity(), "ok");
-  // The daemons' own words: each frame was completed once, and more than one daemon did some.
-  std::map<std::string, int> done;
-  int hands = 0;
-  for (const std::string& place : places) {
-    std::ifstream log(place + "/log");
-    bool some = false;
-    for (std::string line; std::getline(log, line);) {
-      const size_t at = line.find(" done seconds=");
-      if (at == std::string::npos) continue;
-      const std::string name = line.substr(line.find("job j-"), at - line.find("job j-"));
-      EXPECT_EQ(++done[name], 1) << name << " was completed twice";
-      some = true;
-    }
-    hands += some;
-  }
-  EXPECT_GE(hands, 2);
+  std::vector<std::string> logs;
+  for (const std::string& place : places) logs.push_back(place + "/log");
+  EXPECT_GE(test::FarmJobs::completedOnceBy(logs), 2);
 }
 
 int run(const std::vector<std::string>& words, std::string& said) {
