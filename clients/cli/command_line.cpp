@@ -302,12 +302,16 @@ void CommandLine::addJobs() {
   CLI::App* watch = command(*jobs, "watch", "follow a job until it has ended", [this] { return runJobWatch(session, job_, json); });
   value(*watch, "job", job_, "JOB", "id")->required();
   const auto act = [&](CLI::App& parent, const char* name, const char* help, JobAct what) {
-    CLI::App* sub = command(parent, name, help, [this, what] { return runJobAct(session, what, jobs_, json); });
+    CLI::App* sub = command(parent, name, help, [this, what] { return runJobAct(session, what, jobs_, json, jobPriority_); });
     value(*sub, "job", jobs_, "JOB", "ids")->required();
+    return sub;
   };
   act(*jobs, "cancel", "stop jobs for good; finished frames stay", JobAct::Cancel);
   act(*jobs, "pause", "take jobs out of the queue; frames keep what they have", JobAct::Pause);
   act(*jobs, "resume", "put paused jobs back", JobAct::Resume);
+  act(*jobs, "retry", "put failed and cancelled frames back; finished ones stay", JobAct::Retry);
+  CLI::App* priority = act(*jobs, "priority", "change when jobs come to be rendered", JobAct::Prioritize);
+  value(*priority, "--to", jobPriority_, choices(v1::JobSpec::Priority_descriptor()), "between jobs: a higher class starts first")->required();
   act(*jobs, "delete", "forget ended jobs and their files", JobAct::Delete);
   act(app, "cancel", "the same as `jobs cancel`; a render is cancelled by Ctrl-C", JobAct::Cancel);
   CLI::App* fetch = command(*jobs, "fetch", "copy the files of finished frames", [this] { return runJobFetch(session, fetch_); });

@@ -57,6 +57,7 @@ class CommandLine {
   JobFetchCommand fetch_;
   std::string source_, name_, scene_, shell_, job_;
   std::vector<std::string> jobs_, states_;
+  std::string jobPriority_;
   bool disk_ = false;
 };
 

@@ -153,9 +153,10 @@ int runJobSubmit(const SessionOptions& session, const JobSubmitCommand& command,
 int runJobList(const SessionOptions& session, const std::vector<std::string>& states, bool json);
 int runJobShow(const SessionOptions& session, const std::string& id, bool json);
 int runJobWatch(const SessionOptions& session, const std::string& id, bool json);
-enum class JobAct { Cancel, Pause, Resume, Delete };
+enum class JobAct { Cancel, Pause, Resume, Retry, Prioritize, Delete };
 /// For every id in turn; the exit code of the first that fails.
-int runJobAct(const SessionOptions& session, JobAct act, const std::vector<std::string>& ids, bool json);
+/// `priority`: LOW, MEDIUM or HIGH, of Prioritize.
+int runJobAct(const SessionOptions& session, JobAct act, const std::vector<std::string>& ids, bool json, const std::string& priority = {});
 int runJobFetch(const SessionOptions& session, const JobFetchCommand& command);
 
 /// The fields that `options` name, and no others.

@@ -376,7 +376,7 @@ int runJobWatch(const SessionOptions& options, const std::string& id, bool json)
   });
 }
 
-int runJobAct(const SessionOptions& options, JobAct act, const std::vector<std::string>& ids, bool json) {
+int runJobAct(const SessionOptions& options, JobAct act, const std::vector<std::string>& ids, bool json, const std::string& priority) {
   return withCode(options, [&](Session& session) -> Result<int> {
     int code = kOk;
     for (const std::string& id : ids) {
@@ -392,6 +392,13 @@ int runJobAct(const SessionOptions& options, JobAct act, const std::vector<std::
         case JobAct::Cancel: status = session.jobs().Cancel(&call.context, request(v1::CancelJobRequest()), &job); break;
         case JobAct::Pause: status = session.jobs().Pause(&call.context, request(v1::PauseJobRequest()), &job); break;
         case JobAct::Resume: status = session.jobs().Resume(&call.context, request(v1::ResumeJobRequest()), &job); break;
+        case JobAct::Retry: status = session.jobs().Retry(&call.context, request(v1::RetryJobRequest()), &job); break;
+        case JobAct::Prioritize: {
+          auto message = request(v1::PrioritizeJobRequest());
+          GOBO_TRY(setPath(message, "priority=" + priority));
+          status = session.jobs().Prioritize(&call.context, message, &job);
+          break;
+        }
         case JobAct::Delete: status = session.jobs().Delete(&call.context, request(v1::DeleteJobRequest()), &deleted); break;
       }
       if (!status.ok()) {

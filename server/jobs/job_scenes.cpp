@@ -83,6 +83,19 @@ Status JobScenes::describe(NewJob& job, const SceneAccess& access, const StopTok
   return {};
 }
 
+Status JobScenes::keepAgain(const JobRecord& record) {
+  std::vector<std::string> files;
+  if (!record.sceneFile.empty()) files.push_back(files_.scenePath(record.sceneFile.substr(0, record.sceneFile.find('/'))));
+  if (const std::string map = environmentFile(record.job.spec().request()); !map.empty()) files.push_back(map);
+  for (const std::string& file : files) {
+    std::error_code error;
+    if (!fs::exists(file, error))
+      return {Code::FailedPrecondition, "an uploaded file of " + jobIdText(record.id) + " is not kept any more: upload it and submit the job again", "id"};
+    GOBO_TRY(files_.adopt("", file));
+  }
+  return {};
+}
+
 Result<EnvironmentPtr> JobScenes::map(const JobRecord& record, const StopToken& stop) {
   if (record.environmentDigest.empty()) return EnvironmentPtr();
   const v1::RenderRequest& request = record.job.spec().request();

@@ -23,6 +23,8 @@ class JobScenes final : public TaskScenes {
   /// What was kept for request.environment.digest; empty without one.
   std::string environmentFile(const v1::RenderRequest& request) const;
   /// Errors: FailedPrecondition naming both hashes; what loading says.
+  /// Before frames of a job that is over wait again: an upload that it needs is young again. Errors: FailedPrecondition when it is gone.
+  Status keepAgain(const JobRecord& record);
   Result<ScenePtr> get(const JobRecord& record) override;
   EnvironmentSource environment(const JobRecord& record) override { return environmentFile(record.job.spec().request()); }
   /// The map of a job, loaded; null without. Errors as get().

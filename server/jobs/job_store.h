@@ -67,6 +67,10 @@ class JobStore : public TaskStore {
   virtual Status cancel(int64_t id) = 0;  ///< no change when it is over
   virtual Status pause(int64_t id) = 0;   ///< no change when it is over
   virtual Status resume(int64_t id) = 0;
+  /// Frames that failed or were cancelled wait again, as if new. No change where there are none. Errors: FailedPrecondition when the deadline has passed
+  /// or results are gone (expireResults); ResourceExhausted as submit.
+  virtual Status retry(int64_t id) = 0;
+  virtual Status prioritize(int64_t id, v1::JobSpec::Priority priority) = 0;
   virtual Status remove(int64_t id) = 0;  ///< FailedPrecondition unless it is over
 
   /// Ends leases whose time has passed, and fails jobs past their deadline. The number of both.

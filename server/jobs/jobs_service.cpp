@@ -129,17 +129,16 @@ grpc::Status JobsService::list(Rpc& rpc, const v1::ListJobsRequest& sent, v1::Li
   return grpc::Status::OK;
 }
 
-grpc::Status JobsService::steer(grpc::ServerContext& context, const char* method, const std::string& text, Steer what, v1::Job* reply) {
+grpc::Status JobsService::steer(grpc::ServerContext& context, const char* method, const std::string& text, const Steer& what, v1::Job* reply) {
   return serve(core_, context, method, [&](Rpc& rpc) -> grpc::Status {
     ServerCore::Call call(core_);
     if (!call.ok) return rpc.refuseDraining();
     rpc.note("job", text.substr(0, 80));
     auto record = read(rpc, text, false);
     if (!record.ok()) return toGrpc(record.status());
-    const Status status = (core_.durable->store().*what)(record->id);
+    const Status status = what(*record);
     if (!status.ok()) return toGrpc(status);
     core_.durable->hub().steered();
-    if (what == &JobStore::cancel) core_.durable->files().removeCheckpoints(record->id);
     record = read(rpc, text, false);
     if (!record.ok()) return toGrpc(record.status());
     *reply = std::move(record->job);
@@ -148,13 +147,39 @@ grpc::Status JobsService::steer(grpc::ServerContext& context, const char* method
 }
 
 grpc::Status JobsService::Cancel(grpc::ServerContext* c, const v1::CancelJobRequest* r, v1::Job* reply) {
-  return steer(*c, "cancel", r->id(), &JobStore::cancel, reply);
+  return steer(
+      *c, "cancel", r->id(),
+      [&](const JobRecord& record) -> Status {
+        GOBO_TRY(core_.durable->store().cancel(record.id));
+        core_.durable->files().removeCheckpoints(record.id);
+        return {};
+      },
+      reply);
 }
 grpc::Status JobsService::Pause(grpc::ServerContext* c, const v1::PauseJobRequest* r, v1::Job* reply) {
-  return steer(*c, "pause", r->id(), &JobStore::pause, reply);
+  return steer(*c, "pause", r->id(), [&](const JobRecord& record) { return core_.durable->store().pause(record.id); }, reply);
 }
 grpc::Status JobsService::Resume(grpc::ServerContext* c, const v1::ResumeJobRequest* r, v1::Job* reply) {
-  return steer(*c, "resume", r->id(), &JobStore::resume, reply);
+  return steer(*c, "resume", r->id(), [&](const JobRecord& record) { return core_.durable->store().resume(record.id); }, reply);
+}
+grpc::Status JobsService::Retry(grpc::ServerContext* c, const v1::RetryJobRequest* r, v1::Job* reply) {
+  return steer(
+      *c, "retry", r->id(),
+      [&](const JobRecord& record) -> Status {
+        GOBO_TRY(core_.durable->scenes().keepAgain(record));
+        return core_.durable->store().retry(record.id);
+      },
+      reply);
+}
+grpc::Status JobsService::Prioritize(grpc::ServerContext* c, const v1::PrioritizeJobRequest* r, v1::Job* reply) {
+  return steer(
+      *c, "prioritize", r->id(),
+      [&](const JobRecord& record) -> Status {
+        if (r->priority() == v1::JobSpec::PRIORITY_UNSPECIFIED || !v1::JobSpec::Priority_IsValid(r->priority()))
+          return invalidArgument(strf("priority = %d: must be LOW, MEDIUM or HIGH", int(r->priority())), "priority");
+        return core_.durable->store().prioritize(record.id, r->priority());
+      },
+      reply);
 }
 
 grpc::Status JobsService::Delete(grpc::ServerContext* context, const v1::DeleteJobRequest* request, v1::DeleteJobReply*) {

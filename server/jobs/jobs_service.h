@@ -3,6 +3,8 @@
 // jobs of that token only, unless it has the admin right. Synchronous handlers; thread-safe.
 #pragma once
 
+#include <functional>
+
 #include "gobo/v1/jobs.grpc.pb.h"
 #include "server/core.h"
 #include "server/jobs/durable_jobs.h"
@@ -19,13 +21,15 @@ class JobsService final : public v1::Jobs::Service {
   grpc::Status Cancel(grpc::ServerContext*, const v1::CancelJobRequest*, v1::Job*) override;
   grpc::Status Pause(grpc::ServerContext*, const v1::PauseJobRequest*, v1::Job*) override;
   grpc::Status Resume(grpc::ServerContext*, const v1::ResumeJobRequest*, v1::Job*) override;
+  grpc::Status Retry(grpc::ServerContext*, const v1::RetryJobRequest*, v1::Job*) override;
+  grpc::Status Prioritize(grpc::ServerContext*, const v1::PrioritizeJobRequest*, v1::Job*) override;
   grpc::Status Watch(grpc::ServerContext*, const v1::WatchJobRequest*, grpc::ServerWriter<v1::JobEvent>*) override;
   grpc::Status Fetch(grpc::ServerContext*, const v1::FetchRequest*, grpc::ServerWriter<v1::FetchReply>*) override;
   grpc::Status Delete(grpc::ServerContext*, const v1::DeleteJobRequest*, v1::DeleteJobReply*) override;
 
  private:
-  using Steer = Status (JobStore::*)(int64_t);
-  grpc::Status steer(grpc::ServerContext& context, const char* method, const std::string& id, Steer what, v1::Job* reply);
+  using Steer = std::function<Status(const JobRecord&)>;
+  grpc::Status steer(grpc::ServerContext& context, const char* method, const std::string& id, const Steer& what, v1::Job* reply);
   grpc::Status submit(Rpc& rpc, const v1::JobSpec& spec, v1::Job* reply);
   grpc::Status list(Rpc& rpc, const v1::ListJobsRequest& request, v1::ListJobsReply* reply);
   grpc::Status watch(Rpc& rpc, const v1::WatchJobRequest& request, grpc::ServerWriter<v1::JobEvent>& writer);

@@ -151,16 +151,7 @@ Result<int64_t> SqlJobStore::submit(const NewJob& n, bool& existed) {
         GOBO_TRY(again.status());
         if (raced) return {Code::AlreadyExists, "another process was first"};
       }
-      {
-        Query active(db(), "SELECT coalesce(sum(frames - done - failed), 0) FROM job WHERE state IN (1, 2, 3)");
-        uint64_t tasks = 0;
-        while (active.next()) tasks = uint64_t(active.integer(0));
-        GOBO_TRY(active.status());
-        if (tasks + n.frames.size() > options_.maxActiveTasks)
-          return {Code::ResourceExhausted,
-                  strf("%llu frames wait already; at most %llu are kept", (unsigned long long)tasks, (unsigned long long)options_.maxActiveTasks),
-                  "job.frames"};
-      }
+      GOBO_TRY(roomFor(n.frames.size()));
       GOBO_ASSIGN(const uint64_t revision, nextRevision());
       {
         Query q(db(),
@@ -324,6 +315,61 @@ Status SqlJobStore::resume(int64_t id) {
             "= 3");
     GOBO_TRY(q.bind(id).bind(revision).run());
     return tell(News::Steered);
+  });
+}
+
+Status SqlJobStore::roomFor(uint64_t frames) {
+  Query active(db(), "SELECT coalesce(sum(frames - done - failed), 0) FROM job WHERE state IN (1, 2, 3)");
+  uint64_t tasks = 0;
+  while (active.next()) tasks = uint64_t(active.integer(0));
+  GOBO_TRY(active.status());
+  if (tasks + frames <= options_.maxActiveTasks) return {};
+  return {Code::ResourceExhausted,
+          strf("%llu frames wait already; at most %llu are kept", (unsigned long long)tasks, (unsigned long long)options_.maxActiveTasks), "job.frames"};
+}
+
+Status SqlJobStore::retry(int64_t id) {
+  const std::lock_guard lock(mutex_);
+  return transact([&]() -> Status {
+    GOBO_TRY(lockJob(id, Hold::Whole));
+    GOBO_ASSIGN(const JobRecord record, readJob(id));
+    uint64_t again = 0;
+    {
+      Query q(db(), "SELECT count(*) FROM task WHERE job = ?1 AND state IN (4, 5)");
+      q.bind(id);
+      while (q.next()) again = uint64_t(q.integer(0));
+      GOBO_TRY(q.status());
+    }
+    if (again == 0) return {};
+    if (record.job.results_expired()) return {Code::FailedPrecondition, jobIdText(id) + ": results of its other frames were removed: submit it again", "id"};
+    if (record.job.spec().has_deadline_unix_s() && record.job.spec().deadline_unix_s() <= now())
+      return {Code::FailedPrecondition, jobIdText(id) + strf(": its deadline (%.3f) has passed", record.job.spec().deadline_unix_s()), "id"};
+    GOBO_TRY(roomFor(again));
+    GOBO_ASSIGN(const uint64_t revision, nextRevision());
+    {
+      Query q(db(),
+              "UPDATE task SET state = 1, failures = 0, losses = 0, ready = 0, progress = 0, spp = 0, error_code = 0, error = '', revision = ?2"
+              " WHERE job = ?1 AND state IN (4, 5)");
+      GOBO_TRY(q.bind(id).bind(revision).run());
+    }
+    Query q(db(),
+            "UPDATE job SET state = CASE WHEN state = 3 THEN 3 WHEN EXISTS(SELECT 1 FROM task WHERE job = ?1 AND state = 2) THEN 2 ELSE 1 END,"
+            " failed = 0, error_code = 0, error = '', ended = 0, ended_uptime = 0, revision = ?2 WHERE id = ?1");
+    GOBO_TRY(q.bind(id).bind(revision).run());
+    return tell(News::Work);
+  });
+}
+
+Status SqlJobStore::prioritize(int64_t id, v1::JobSpec::Priority priority) {
+  const std::lock_guard lock(mutex_);
+  return transact([&]() -> Status {
+    GOBO_TRY(lockJob(id, Hold::Whole));
+    GOBO_ASSIGN(JobRecord record, readJob(id));
+    GOBO_ASSIGN(const uint64_t revision, nextRevision());
+    record.job.mutable_spec()->set_priority(priority);
+    Query q(db(), "UPDATE job SET priority = ?2, spec = ?3, revision = ?4 WHERE id = ?1");
+    GOBO_TRY(q.bind(id).bind(int(priority)).blob(record.job.spec().SerializeAsString()).bind(revision).run());
+    return tell(News::Work);
   });
 }
 

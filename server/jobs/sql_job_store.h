@@ -41,6 +41,8 @@ class SqlJobStore : public JobStore {
   Status cancel(int64_t id) override;
   Status pause(int64_t id) override;
   Status resume(int64_t id) override;
+  Status retry(int64_t id) override;
+  Status prioritize(int64_t id, v1::JobSpec::Priority priority) override;
   Status remove(int64_t id) override;
 
   Result<std::optional<Lease>> claim(const std::string& holder, double leaseSeconds) override;
@@ -121,6 +123,7 @@ class SqlJobStore : public JobStore {
   Status endJob(int64_t job, v1::Job::State state, const Status& reason, uint64_t revision);
   Result<JobRecord> readJob(int64_t id);
   Status readFrames(int64_t id, uint64_t after, v1::Job& job);
+  Status roomFor(uint64_t frames);
   Result<uint64_t> endLeases(double before, double deadlines, bool remoteToo);
   Result<std::vector<int64_t>> jobsWithEnds(double before, double deadlines);
   Status chooseResults(uint64_t keepBytes, double keepSeconds, std::vector<int64_t>& gone);

@@ -154,6 +154,9 @@ class Server(DaemonTest):
             await c.jobs.pause(long)
             await c.jobs.resume(long)
             self.assertEqual((await c.jobs.cancel(long)).state, "cancelled")
+            self.assertIn((await c.jobs.retry(long)).state, ("queued", "running"))
+            self.assertEqual((await c.jobs.prioritize(long, "low")).message.spec.priority, 1)
+            await c.jobs.cancel(long)
             await c.drop_caches()
         self.run_(work)
 

@@ -106,6 +106,15 @@ class Jobs(DaemonTest):
         self.cli("cancel", job.id)
         with self.assertRaises(gobo.Cancelled):
             job.wait(timeout=60)
+        self.assertIn(job.retry().state, ("queued", "running"))
+        self.assertEqual(job.prioritize("high").message.spec.priority, 3)
+        with self.assertRaisesRegex(gobo.InvalidArgument, "priority"):
+            job.prioritize("urgent")
+        job.cancel()
+        self.assertIn("is queued", self.cli("jobs", "retry", job.id).stdout.replace("running", "queued"))
+        self.cli("jobs", "priority", "--to", "low", job.id)
+        self.assertEqual(job.state().message.spec.priority, 1)
+        job.cancel()
         job.delete()
 
     def test_errors(self):

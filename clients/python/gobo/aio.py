@@ -258,6 +258,14 @@ class AsyncJobs:
         """See `Jobs.resume`."""
         return await self._client._do(lambda c: c.jobs.resume(id, timeout=timeout))
 
+    async def retry(self, id: str, *, timeout: Optional[float] = None) -> JobState:
+        """See `Jobs.retry`."""
+        return await self._client._do(lambda c: c.jobs.retry(id, timeout=timeout))
+
+    async def prioritize(self, id: str, priority: str, *, timeout: Optional[float] = None) -> JobState:
+        """See `Jobs.prioritize`."""
+        return await self._client._do(lambda c: c.jobs.prioritize(id, priority, timeout=timeout))
+
     async def delete(self, id: str, *, timeout: Optional[float] = None) -> None:
         """See `Jobs.delete`."""
         await self._client._do(lambda c: c.jobs.delete(id, timeout=timeout))

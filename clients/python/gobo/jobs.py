@@ -129,6 +129,12 @@ class Job:
     def resume(self) -> JobState:
         return self._jobs.resume(self.id)
 
+    def retry(self) -> JobState:
+        return self._jobs.retry(self.id)
+
+    def prioritize(self, priority: str) -> JobState:
+        return self._jobs.prioritize(self.id, priority)
+
     def delete(self) -> None:
         self._jobs.delete(self.id)
 
@@ -223,6 +229,16 @@ class Jobs:
     def resume(self, id: str, *, timeout: Optional[float] = None) -> JobState:
         """Puts a paused job back."""
         return _state(self._wire.unary(self._stub.Resume, jobs_pb2.ResumeJobRequest(id=id), timeout))
+
+    def retry(self, id: str, *, timeout: Optional[float] = None) -> JobState:
+        """Failed and cancelled frames wait again, with all their attempts; finished ones stay."""
+        return _state(self._wire.unary(self._stub.Retry, jobs_pb2.RetryJobRequest(id=id), timeout))
+
+    def prioritize(self, id: str, priority: str, *, timeout: Optional[float] = None) -> JobState:
+        """Gives a job another place between jobs: "low", "medium" or "high"."""
+        request = jobs_pb2.PrioritizeJobRequest(id=id)
+        Builder(request).put("priority", priority)
+        return _state(self._wire.unary(self._stub.Prioritize, request, timeout))
 
     def delete(self, id: str, *, timeout: Optional[float] = None) -> None:
         """Forgets an ended job and its files."""

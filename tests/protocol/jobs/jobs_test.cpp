@@ -88,6 +88,32 @@ struct JobsTest : ServerTest {
   std::string message;
 };
 
+TEST_F(JobsTest, RetryAndPrioritize) {
+  v1::JobSpec s = spec(1 << 20);
+  const v1::Job job = submit(s);
+  v1::PrioritizeJobRequest p;
+  p.set_id(job.id());
+  p.set_priority(v1::JobSpec::HIGH);
+  v1::Job reply;
+  ASSERT_TRUE(call(&v1::Jobs::Stub::Prioritize, p, reply).ok());
+  EXPECT_EQ(reply.spec().priority(), v1::JobSpec::HIGH);
+  p.set_priority(v1::JobSpec::PRIORITY_UNSPECIFIED);
+  EXPECT_EQ(call(&v1::Jobs::Stub::Prioritize, p, reply).error_code(), grpc::INVALID_ARGUMENT);
+  p.set_priority(v1::JobSpec::Priority(7));
+  EXPECT_EQ(call(&v1::Jobs::Stub::Prioritize, p, reply).error_code(), grpc::INVALID_ARGUMENT);
+  v1::CancelJobRequest cancel;
+  cancel.set_id(job.id());
+  ASSERT_TRUE(call(&v1::Jobs::Stub::Cancel, cancel, reply).ok());
+  v1::RetryJobRequest retry;
+  retry.set_id(job.id());
+  ASSERT_TRUE(call(&v1::Jobs::Stub::Retry, retry, reply).ok());
+  EXPECT_TRUE(reply.state() == v1::Job::QUEUED || reply.state() == v1::Job::RUNNING);
+  EXPECT_TRUE(eventually([&] { return get(job.id()).state() == v1::Job::RUNNING; }));
+  ASSERT_TRUE(call(&v1::Jobs::Stub::Cancel, cancel, reply).ok());
+  retry.set_id("j-99");
+  EXPECT_EQ(call(&v1::Jobs::Stub::Retry, retry, reply).error_code(), grpc::NOT_FOUND);
+}
+
 TEST_F(JobsTest, SubmitWatchFetchDelete) {
   v1::JobSpec s = spec(16, 3);
   s.mutable_request()->add_outputs("beauty");

@@ -427,6 +427,17 @@ TEST_F(FarmCalls, OnlyWhatWasAnnouncedIsTakenIn) {
     EXPECT_NE(status.error_message().find(why), std::string::npos) << status.error_message();
   }
   EXPECT_EQ(put(begin(false, sha, 1ull << 60), bytes).error_code(), grpc::RESOURCE_EXHAUSTED);
+  {
+    grpc::ClientContext bare;
+    bound(bare);
+    v1::FarmAck ignored;
+    auto writer = farm->Put(&bare, &ignored);
+    v1::PutFarmFileRequest data;
+    data.set_data(bytes);
+    writer->Write(data);
+    writer->WritesDone();
+    EXPECT_EQ(writer->Finish().error_code(), grpc::INVALID_ARGUMENT) << "bytes of no file";
+  }
   EXPECT_EQ(filesUnder(jobsFolder), before) << "nothing stays of what was refused";
 
   // Reports about files that are not there.

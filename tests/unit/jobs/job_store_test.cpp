@@ -186,6 +186,98 @@ TEST_P(Store, PauseCancelAndResume) {
   EXPECT_GT(submit(makeJob()), id);  // an id is never used again
 }
 
+TEST_P(Store, FailedAndCancelledFramesWaitAgainAndFinishedOnesStay) {
+  NewJob n = makeJob(3);
+  n.spec.set_max_attempts(1);
+  const int64_t id = submit(n);
+  const auto a = claim(), b = claim();
+  ASSERT_TRUE(store->complete(*a, files("aa"), 1).ok());
+  ASSERT_TRUE(store->checkpoint(*b, {"r", "d", 1, 1}, 0.5, 16).ok());
+  ASSERT_TRUE(store->fail(*b, {{Code::Internal, "the lamp fell over"}}).ok());
+  ASSERT_TRUE(store->cancel(id).ok());
+  const v1::Job ended = get(id);
+  EXPECT_EQ(ended.state(), v1::Job::CANCELLED);
+  EXPECT_EQ(ended.frames_failed(), 1u);
+  const uint64_t before = store->get(id, false)->revision;
+  ASSERT_TRUE(store->retry(id).ok());
+  const v1::Job again = get(id);
+  EXPECT_EQ(again.state(), v1::Job::QUEUED);
+  EXPECT_EQ(again.frames_failed(), 0u);
+  EXPECT_EQ(again.frames_done(), 1u);
+  EXPECT_EQ(again.error().code(), 0);
+  EXPECT_EQ(again.ended_unix_s(), 0);
+  EXPECT_EQ(again.frames(0).state(), v1::Frame::DONE);
+  for (int i = 1; i < 3; ++i) {
+    EXPECT_EQ(again.frames(i).state(), v1::Frame::QUEUED);
+    EXPECT_EQ(again.frames(i).attempts(), 0u);
+    EXPECT_EQ(again.frames(i).progress(), 0);
+    EXPECT_EQ(again.frames(i).error().code(), 0);
+  }
+  EXPECT_EQ(store->changes(id, before)->job.frames_size(), 2) << "who watches sees them";
+  // Reports of the first life are refused; the frames get their attempts again and are rendered.
+  EXPECT_EQ(store->complete(*b, files(), 1).code(), Code::FailedPrecondition);
+  for (int i = 0; i < 2; ++i) {
+    const auto l = claim();
+    ASSERT_TRUE(l);
+    EXPECT_GT(l->token, b->token);
+    EXPECT_TRUE(store->checkpoints(l->task)->empty());
+    ASSERT_TRUE(store->complete(*l, files("x" + std::to_string(i)), 1).ok());
+  }
+  EXPECT_EQ(get(id).state(), v1::Job::DONE);
+  EXPECT_TRUE(store->retry(id).ok()) << "nothing is left to do";
+  EXPECT_EQ(get(id).state(), v1::Job::DONE);
+  EXPECT_EQ(store->retry(99).code(), Code::NotFound);
+}
+
+TEST_P(Store, RetryKeepsAPausedJobPausedAndARunningOneRunning) {
+  NewJob n = makeJob(2);
+  n.spec.set_max_attempts(1);
+  const int64_t id = submit(n);
+  const auto a = claim(), b = claim();
+  ASSERT_TRUE(store->fail(*a, {{Code::Internal, "x"}}).ok());
+  ASSERT_TRUE(store->retry(id).ok());
+  EXPECT_EQ(get(id).state(), v1::Job::RUNNING) << "its other frame is";
+  const auto again = claim();
+  ASSERT_TRUE(again);
+  ASSERT_TRUE(store->fail(*again, {{Code::Internal, "x"}}).ok());
+  ASSERT_TRUE(store->pause(id).ok());
+  ASSERT_TRUE(store->retry(id).ok());
+  EXPECT_EQ(get(id).state(), v1::Job::PAUSED);
+  EXPECT_FALSE(claim());
+  ASSERT_TRUE(store->complete(*b, files(), 1).ok());
+}
+
+TEST_P(Store, WhatCannotBeRetriedSaysWhy) {
+  NewJob n = makeJob(2);
+  n.spec.set_deadline_unix_s(2000);
+  const int64_t late = submit(n);
+  ASSERT_TRUE(store->cancel(late).ok());
+  time = 2001;
+  const Status passed = store->retry(late);
+  EXPECT_EQ(passed.code(), Code::FailedPrecondition);
+  EXPECT_NE(passed.message().find("deadline (2000.000) has passed"), std::string::npos) << passed.message();
+  const int64_t gone = submit(makeJob(2));
+  const auto a = claim();
+  ASSERT_TRUE(store->complete(*a, files("aa"), 1).ok());
+  ASSERT_TRUE(store->cancel(gone).ok());
+  ASSERT_EQ(store->expireResults(0, 1e9)->size(), 1u);
+  const Status expired = store->retry(gone);
+  EXPECT_EQ(expired.code(), Code::FailedPrecondition);
+  EXPECT_NE(expired.message().find("results of its other frames were removed"), std::string::npos) << expired.message();
+  EXPECT_EQ(get(gone).state(), v1::Job::CANCELLED);
+}
+
+TEST_P(Store, APriorityThatIsChangedCountsFromTheNextClaim) {
+  const int64_t first = submit(makeJob(2)), second = submit(makeJob(2));
+  EXPECT_EQ(claim()->task.job, first);
+  ASSERT_TRUE(store->prioritize(second, v1::JobSpec::HIGH).ok());
+  EXPECT_EQ(get(second).spec().priority(), v1::JobSpec::HIGH);
+  EXPECT_EQ(claim()->task.job, second);
+  ASSERT_TRUE(store->prioritize(second, v1::JobSpec::LOW).ok());
+  EXPECT_EQ(claim()->task.job, first);
+  EXPECT_EQ(store->prioritize(99, v1::JobSpec::LOW).code(), Code::NotFound);
+}
+
 TEST_P(Store, DeadlinesFailTheJob) {
   const int64_t id = submit(makeJob(1, "", v1::JobSpec::MEDIUM, 1100));
   const auto lease = claim(1000);
