@@ -56,7 +56,7 @@ struct FarmCalls : ServerTest {
   void configure(ServerConfig& c) override {
     c.jobsFolder = folder + "/jobs";
     c.jobsWorkers = 0;
-    c.jobsLeaseSeconds = 1;
+    c.jobsLeaseSeconds = 20;
     c.jobsCheckpointSeconds = 0.05;
     c.farmWorkers = 4;
     TokenConfig plain, worker;
@@ -478,13 +478,23 @@ TEST_F(FarmCalls, OnlyWhatWasAnnouncedIsTakenIn) {
   EXPECT_FALSE(reader->Read(&chunk));
   EXPECT_TRUE(reader->Finish().ok());
   ASSERT_TRUE(put(begin(false, sha, bytes.size()), bytes).ok());
+  f.set_bytes(bytes.size() + 1);
+  EXPECT_EQ(call(&v1::Farm::Stub::Complete, done, &ack).error_code(), grpc::INVALID_ARGUMENT) << "another size than that of the file";
+  f.set_bytes(bytes.size());
   EXPECT_TRUE(call(&v1::Farm::Stub::Complete, done, &ack).ok());
   EXPECT_TRUE(call(&v1::Farm::Stub::Complete, done, &ack).ok()) << "its first answer may have been lost";
   EXPECT_EQ(filesUnder(jobsFolder + "/checkpoints"), 0u);
   EXPECT_EQ(get(job.id()).frames_done(), 1u);
 }
 
-TEST_F(FarmCalls, WhoLostALeaseIsRefusedEverything) {
+struct FarmLost : FarmCalls {
+  void configure(ServerConfig& c) override {
+    FarmCalls::configure(c);
+    c.jobsLeaseSeconds = 1;
+  }
+};
+
+TEST_F(FarmLost, WhoLostALeaseIsRefusedEverything) {
   submit(spec(4, 1));
   Played played(*farm, "slow");
   const v1::ClaimReply held = claim(played.id);
