@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """deploy/compose.yaml as far as it can be held against what it speaks of without an engine: files, variables, addresses and ports, users, places that are written to,
 health checks, limits; its configuration goes through gobod --check with its environment."""
+import hashlib
 import json
 import os
 import pathlib
@@ -12,10 +13,12 @@ import tomllib
 import unittest
 
 import yaml
+from support import CLI, eventually
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 DEPLOY = SOURCE / "deploy"
 GOBOD = os.environ["GOBO_GOBOD"]
+
 
 
 def interpolated(value, env=None):
@@ -35,7 +38,7 @@ class Compose(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.file = interpolated(yaml.safe_load((DEPLOY / "compose.yaml").read_text(encoding="utf-8")))
-        cls.gobod, cls.store = cls.file["services"]["gobod"], cls.file["services"]["postgresql"]
+        cls.gobod, cls.store, cls.worker = (cls.file["services"][name] for name in ("gobod", "postgresql", "worker"))
         lines = (DEPLOY / "Containerfile").read_text(encoding="utf-8").replace("\\\n", " ").splitlines()
         final = max(i for i, line in enumerate(lines) if line.startswith("FROM "))
         cls.image = dict(line.split(None, 1) for line in lines[final:] if line and not line.startswith("#"))
@@ -56,33 +59,35 @@ class Compose(unittest.TestCase):
         for config in self.file["configs"].values():
             self.assertTrue((DEPLOY / config["file"]).is_file(), config)
         secrets = self.folder / "secrets"
-        subprocess.run([DEPLOY / "front/make_certs", secrets, "--host", "localhost"], check=True, capture_output=True, timeout=60)
+        subprocess.run([DEPLOY / "front/make_certs", secrets, "--host", "localhost", "--host", "gobod"], check=True, capture_output=True, timeout=60)
         for name, secret in self.file["secrets"].items():
             folder, file = os.path.split(secret["file"])
             self.assertEqual(folder, "secrets")
-            self.assertTrue((secrets / file).is_file() or name.startswith("postgresql_"), secret)
+            self.assertTrue((secrets / file).is_file() or name.startswith("postgresql_") or name == "worker_token", secret)
         ignored = subprocess.run(["git", "-C", SOURCE, "check-ignore", "-q", "deploy/secrets/server.key"], check=False, timeout=30).returncode
         self.assertIn(ignored, (0, 128))   # 128: sources without git
         self.assertIn("deploy/secrets", (SOURCE / ".containerignore").read_text(encoding="utf-8").split())
 
     def test_names_within_the_file(self):
-        for service in (self.gobod, self.store):
+        for service in (self.gobod, self.store, self.worker):
             self.assertLessEqual(set(service["secrets"]), set(self.file["secrets"]))
             self.assertLessEqual(set(service["networks"]), set(self.file["networks"]))
-            named = {v.split(":")[0] for v in service["volumes"] if not v.startswith("/")}
+            named = {v.split(":")[0] for v in service.get("volumes", []) if not v.startswith("/")}
             self.assertLessEqual(named, set(self.file["volumes"]))
-        self.assertEqual([c["source"] for c in self.gobod["configs"]], list(self.file["configs"]))
-        used = set().union(*(s["secrets"] for s in (self.gobod, self.store)))
+        self.assertEqual([c["source"] for s in (self.gobod, self.worker) for c in s["configs"]], list(self.file["configs"]))
+        used = set().union(*(s["secrets"] for s in (self.gobod, self.store, self.worker)))
         self.assertEqual(used, set(self.file["secrets"]))
         self.assertTrue(self.file["networks"]["store"]["internal"])
         self.assertEqual((self.store["networks"], self.store["profiles"]), (["store"], ["postgresql"]))
         self.assertNotIn("ports", self.store)
         self.assertNotIn("profiles", self.gobod)
+        self.assertEqual((self.worker["networks"], self.worker["profiles"], self.worker["depends_on"]), (["callers"], ["workers"], ["gobod"]))
+        self.assertNotIn("ports", self.worker)
 
     def test_gobod_takes_its_configuration_and_environment(self):
         said = subprocess.run([GOBOD, "--help"], capture_output=True, text=True, timeout=30, check=True).stdout
         known = set(re.findall(r"GOBO_[A-Z_]+", said))
-        for name in self.gobod["environment"]:
+        for name in (*self.gobod["environment"], *self.worker["environment"]):
             self.assertTrue(name in known or name == "TMPDIR", name)
         secrets = self.folder / "secrets"
         subprocess.run([DEPLOY / "front/make_certs", secrets, "--host", "localhost"], check=True, capture_output=True, timeout=60)
@@ -100,6 +105,38 @@ class Compose(unittest.TestCase):
         self.assertEqual(self.check(text, {**env, "GOBO_LISTEN": "0.0.0.0:99999"}).returncode, 2)
         self.assertEqual(self.check(re.sub(r"\[tls\]\ncert.*\nkey.*\n", "", text), env).returncode, 2)
         self.assertEqual(self.check(text[:text.index("[[tokens]]")], env).returncode, 2)
+
+    def test_a_worker_works_for_the_daemon(self):
+        """Both, as the file configures them, but for places and for the name under which Compose makes the daemon known."""
+        secrets, token = self.folder / "secrets", "a-worker-of-this-test"
+        subprocess.run([DEPLOY / "front/make_certs", secrets, "--host", "localhost"], check=True, capture_output=True, timeout=60)
+        (secrets / "worker_token").write_text(token + "\n", encoding="utf-8")
+        clean = {k: v for k, v in os.environ.items() if not k.startswith("GOBO_")}
+        texts = {name: (DEPLOY / self.file["configs"][name]["file"]).read_text(encoding="utf-8") for name in ("gobod", "worker")}
+        for name, text in texts.items():
+            for secret in re.findall(r"/run/secrets/(\w+)", text):
+                text = text.replace(f"/run/secrets/{secret}", str(self.folder / self.file["secrets"][secret]["file"]))
+            for place in ("/var/cache/gobo", "/var/lib/gobo", "/srv/scenes"):
+                (self.folder / name / place[1:]).mkdir(parents=True)
+                text = text.replace(place, str(self.folder / name / place[1:]))
+            # Of the three tokens that are to be replaced the second is the workers'.
+            (self.folder / f"{name}.toml").write_text(text.replace("0" * 63 + "2", hashlib.sha256(token.encode()).hexdigest()), encoding="utf-8")
+        log = open(self.folder / "log", "w+", encoding="utf-8")
+        self.addCleanup(log.close)
+        daemon = subprocess.Popen([GOBOD, "--config", self.folder / "gobod.toml", "--tmp", self.folder, "--listen", "localhost:0", "--listen", f"unix:{self.folder}/s"], env=clean,
+                                  stdout=log, stderr=log)
+        self.addCleanup(daemon.wait)
+        self.addCleanup(daemon.kill)
+        said = lambda: (self.folder / "log").read_text(encoding="utf-8")
+        self.assertTrue(eventually(lambda: "gobod ready on" in said()), said())
+        address = re.search(r"gobod ready on (\S+?),", said())[1]
+        worker = subprocess.Popen([GOBOD, "--config", self.folder / "worker.toml", "--tmp", self.folder], env={**clean, "GOBO_WORKER": f"localhost:{address.rsplit(':', 1)[1]}"},
+                                  stdout=log, stderr=log)
+        self.addCleanup(worker.wait)
+        self.addCleanup(worker.kill)
+        gobo = lambda *words: subprocess.run([CLI, "--server", f"unix:{self.folder}/s", *words], capture_output=True, text=True, timeout=60, check=False)
+        self.assertTrue(eventually(lambda: "attends" in gobo("workers").stdout), said())
+        self.assertEqual(gobo("jobs", "submit", "cornell", "--size", "16x12", "--spp", "1", "--frames", "1-4", "--watch").returncode, 0, said())
 
     def test_addresses_ports_and_health(self):
         env = self.gobod["environment"]
@@ -123,7 +160,7 @@ class Compose(unittest.TestCase):
         self.assertEqual(health["test"][-1], f"http://{http}/ready")
 
     def test_hardened_and_bounded(self):
-        for name, service in (("gobod", self.gobod), ("postgresql", self.store)):
+        for name, service in (("gobod", self.gobod), ("postgresql", self.store), ("worker", self.worker)):
             self.assertTrue(service["read_only"], name)
             self.assertEqual((service["cap_drop"], service["security_opt"]), (["ALL"], ["no-new-privileges:true"]), name)
             self.assertNotIn("privileged", service)
@@ -137,7 +174,15 @@ class Compose(unittest.TestCase):
             limits = service["deploy"]["resources"]["limits"]
             self.assertEqual(set(limits), {"cpus", "memory", "pids"}, name)
             self.assertFalse([v for k, v in service["environment"].items() if re.search("PASSWORD|TOKEN|KEY", k) and not v.startswith("/run/secrets/")])
-        self.assertEqual(self.gobod["user"].split(":")[0], self.image["USER"])
+        for service in (self.gobod, self.worker):
+            self.assertEqual(service["user"].split(":")[0], self.image["USER"])
+            self.assertEqual(service["healthcheck"], self.gobod["healthcheck"])
+            self.assertEqual(service["environment"]["GOBO_HTTP"], self.gobod["environment"]["GOBO_HTTP"])
+        # A worker's files are on a volume that the image has, so each container its own.
+        kept = tomllib.loads((DEPLOY / "compose.worker.toml").read_text(encoding="utf-8"))["farm"]["folder"]
+        self.assertTrue(any(kept.startswith(v + "/") for v in json.loads(self.image["VOLUME"])), kept)
+        self.assertNotIn("volumes", self.worker)
+        self.assertEqual(self.worker["environment"]["GOBO_WORKER"].rsplit(":", 1)[1], self.gobod["environment"]["GOBO_LISTEN"].rsplit(":", 1)[1])
         # Whatever the configuration and the environment write to is a volume or a tmpfs.
         config = tomllib.loads((DEPLOY / "compose.toml").read_text(encoding="utf-8"))
         written = [config["engine"]["cache_folder"], config["jobs"]["folder"], self.gobod["environment"]["TMPDIR"], self.gobod["environment"]["GOBO_TMP"]]
@@ -153,7 +198,7 @@ class Compose(unittest.TestCase):
     def test_what_may_be_chosen(self):
         text = (DEPLOY / "compose.yaml").read_text(encoding="utf-8")
         variables = dict(re.findall(r"\$\{(\w+):-([^}]*)\}", text))
-        self.assertEqual(variables, {"GOBO_DAEMONS": "1", "GOBO_CPUS": "4", "GOBO_MEMORY": "8g", "GOBO_SCENES": "/srv/scenes"})
+        self.assertEqual(variables, {"GOBO_DAEMONS": "1", "GOBO_WORKERS": "2", "GOBO_CPUS": "4", "GOBO_MEMORY": "8g", "GOBO_SCENES": "/srv/scenes"})
         three = interpolated(yaml.safe_load(text), {"GOBO_DAEMONS": "3"})["services"]["gobod"]
         self.assertEqual(three["deploy"]["replicas"], "3")
         self.assertNotIn("container_name", three)   # one name would forbid the second

@@ -8,24 +8,16 @@ import shutil
 import signal
 import subprocess
 import tempfile
-import time
 import tomllib
 import unittest
 
 import gobo
 import yaml
-from support import CLI
+from support import CLI, eventually
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
 FARM = SOURCE / "deploy" / "farm"
 GOBOD = os.environ["GOBO_GOBOD"]
-
-
-def eventually(condition, seconds=20):
-    end = time.monotonic() + seconds
-    while not (found := condition()) and time.monotonic() < end:
-        time.sleep(0.05)
-    return found
 
 
 class FarmFiles(unittest.TestCase):

@@ -6,6 +6,7 @@ import shutil
 import struct
 import subprocess
 import tempfile
+import time
 import unittest
 from concurrent import futures
 
@@ -40,6 +41,14 @@ class DaemonTest(unittest.TestCase):
         done = subprocess.run([CLI, *map(str, args)], capture_output=True, text=True, timeout=timeout, env=env, cwd=self.folder, **more)
         self.assertEqual(done.returncode, code, f"gobo {' '.join(map(str, args))}\n{done.stdout}{done.stderr}")
         return done
+
+
+def eventually(condition, seconds=20):
+    """What the condition gives once it is true, or at the end."""
+    end = time.monotonic() + seconds
+    while not (found := condition()) and time.monotonic() < end:
+        time.sleep(0.05)
+    return found
 
 
 def gltf(folder, name="tri.gltf", embed=False):
