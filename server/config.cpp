@@ -357,8 +357,8 @@ Result<Address> parseAddress(const std::string& text) {
 }
 
 uint64_t callsThatMayWait(const ServerConfig& c) {
-  return uint64_t(c.running) + c.queuedInteractive + c.queuedNormal + c.queuedBatch + c.watches + c.farmWorkers + c.uploadsAtOnce + c.loadsAtOnce + LoadGate::kWaiting +
-         Sessions::kWaiting;
+  return uint64_t(c.running) + c.queuedInteractive + c.queuedNormal + c.queuedBatch + c.watches + c.farmWorkers + c.uploadsAtOnce + c.loadsAtOnce +
+         LoadGate::kWaiting + Sessions::kWaiting;
 }
 
 Status checkConfig(ServerConfig& c) {
@@ -381,8 +381,9 @@ Status checkConfig(ServerConfig& c) {
                            " must be at least 64 KiB below limits.message_bytes = " + std::to_string(c.messageBytes));
   // Without spare ones a full queue would lock out status, cancellation and health checks.
   const uint64_t waiting = callsThatMayWait(c);
-  GOBO_TRY(least("limits.rpc_threads (16 more than scheduler.running, the three queues, limits.watches, farm.workers, uploads_at_once, loads_at_once and 96 together)",
-                 c.rpcThreads, waiting + 16));
+  GOBO_TRY(least(
+      "limits.rpc_threads (16 more than scheduler.running, the three queues, limits.watches, farm.workers, uploads_at_once, loads_at_once and 96 together)",
+      c.rpcThreads, waiting + 16));
   GOBO_TRY(least("limits.request_bytes", c.requestBytes, 1ull << 20));
   GOBO_TRY(least("limits.reply_bytes", c.replyBytes, 16ull << 20));
   GOBO_TRY(least("engine.keep_renders_bytes", c.keepRendersBytes, 1ull << 20));

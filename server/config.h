@@ -113,12 +113,12 @@ struct ServerConfig {
   double jobsKeepDays = 30;
 
   // [farm]: docs/farm.md
-  uint32_t farmWorkers = 64;                     ///< that may attend at once
-  std::string farmCoordinator;                   ///< address of the daemon whose frames this one renders; empty: none, it serves its own
-  std::string farmName;                          ///< of this worker; the host's if empty
-  std::string farmFolder;                        ///< scenes, maps, pictures on their way; a new one in tmpFolder if empty, removed at the end
-  uint64_t farmCacheBytes = 16ull << 30;         ///< of scenes and maps that are kept there
-  bool farmTls = false;                          ///< of the way to the coordinator, also with one of the files
+  uint32_t farmWorkers = 64;              ///< that may attend at once
+  std::string farmCoordinator;            ///< address of the daemon whose frames this one renders; empty: none, it serves its own
+  std::string farmName;                   ///< of this worker; the host's if empty
+  std::string farmFolder;                 ///< scenes, maps, pictures on their way; a new one in tmpFolder if empty, removed at the end
+  uint64_t farmCacheBytes = 16ull << 30;  ///< of scenes and maps that are kept there
+  bool farmTls = false;                   ///< of the way to the coordinator, also with one of the files
   std::string farmCa, farmCert, farmKey, farmTokenFile;
 };
 

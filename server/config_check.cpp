@@ -104,8 +104,8 @@ std::vector<std::string> fixedKeysThatDiffer(const ServerConfig& a, const Server
   differ("farm.name", a.farmName != b.farmName);
   differ("farm.folder", a.farmFolder != b.farmFolder);
   differ("farm.cache_bytes", a.farmCacheBytes != b.farmCacheBytes);
-  differ("farm (tls, ca, cert, key, token_file)", a.farmTls != b.farmTls || a.farmCa != b.farmCa || a.farmCert != b.farmCert || a.farmKey != b.farmKey ||
-                                                      a.farmTokenFile != b.farmTokenFile);
+  differ("farm (tls, ca, cert, key, token_file)",
+         a.farmTls != b.farmTls || a.farmCa != b.farmCa || a.farmCert != b.farmCert || a.farmKey != b.farmKey || a.farmTokenFile != b.farmTokenFile);
   differ("limits.request_bytes", a.requestBytes != b.requestBytes);
   differ("limits.connections", a.connections != b.connections);
   differ("limits.connections_per_peer", a.connectionsPerPeer != b.connectionsPerPeer);

@@ -293,7 +293,7 @@ std::shared_ptr<grpc::Channel> Server::inProcessChannel() {
 
 void Server::shutdown(double drainSeconds) {
   if (!server_) return;
-  core_->drain();            // health says so first
+  core_->drain();  // health says so first
   if (worker_) worker_->stop();
   if (jobs_) jobs_->stop();  // their frames go on after the next start: nobody needs to wait for them
   if (!core_->waitIdle(drainSeconds)) {

@@ -96,11 +96,11 @@ struct EnvironmentSource {
 
 /// A request that may be run (Engine::prepare). Holds no scene and no memory but its own: it may wait in a queue.
 struct PreparedRender {
-  v1::RenderRequest request;         ///< as it came
-  v1::RenderRequest resolved;        ///< every default filled in, for the scene of resolved.scene_hash
-  uint64_t pinnedBytes = 0;          ///< upper bound of bytes of results held at once while it runs
-  double expectedMs = 0;             ///< on an idle machine, with what the store has now; without its certificate; 0 where only time or error ends it
-  bool small = false;                ///< so little that it may run beside another render: it then has threads of its own (docs/operations.md)
+  v1::RenderRequest request;           ///< as it came
+  v1::RenderRequest resolved;          ///< every default filled in, for the scene of resolved.scene_hash
+  uint64_t pinnedBytes = 0;            ///< upper bound of bytes of results held at once while it runs
+  double expectedMs = 0;               ///< on an idle machine, with what the store has now; without its certificate; 0 where only time or error ends it
+  bool small = false;                  ///< so little that it may run beside another render: it then has threads of its own (docs/operations.md)
   EnvironmentSource environment = {};  ///< must stay while this lives
 };
 

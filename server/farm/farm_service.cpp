@@ -26,8 +26,8 @@ Status checkInfo(const v1::WorkerInfo& info) {
                     std::all_of(name.begin(), name.end(), [](unsigned char c) { return c < 0x80 && (std::isalnum(c) || c == '.' || c == '_' || c == '-'); });
   if (!fine) return invalidArgument("name = \"" + escaped(name.substr(0, 80)) + "\": must be 1 to 64 letters, digits and ._-", "worker.name");
   const auto other = [](const char* what, const std::string& theirs, const std::string& ours) {
-    return Status(Code::FailedPrecondition, std::string("the worker's ") + what + " is \"" + escaped(theirs.substr(0, 200)) + "\", the coordinator's \"" + ours +
-                                                "\": their pictures would not have the same bits");
+    return Status(Code::FailedPrecondition, std::string("the worker's ") + what + " is \"" + escaped(theirs.substr(0, 200)) + "\", the coordinator's \"" +
+                                                ours + "\": their pictures would not have the same bits");
   };
   if (info.build() != buildVersion()) return other("build", info.build(), buildVersion());
   if (info.numeric_class() != numericClass()) return other("numeric class", info.numeric_class(), numericClass());
@@ -224,8 +224,8 @@ grpc::Status FarmService::Fail(grpc::ServerContext* context, const v1::FailureRe
     const Lease lease = fromMessage(report->lease());
     const int code = report->error().code();
     if (code < 1 || code > 16) return toGrpc(invalidArgument(strf("= %d: must be a gRPC status code, 1 to 16", code), "error.code"));
-    const Status status =
-        store().fail(lease, {Status(Code(code), report->error().message().substr(0, 4096), report->location().substr(0, 1024)), report->retry(), report->whole_job()});
+    const Status status = store().fail(
+        lease, {Status(Code(code), report->error().message().substr(0, 4096), report->location().substr(0, 1024)), report->retry(), report->whole_job()});
     if (!status.ok()) return toGrpc(status);
     const auto record = store().get(lease.task.job, false);
     if (!report->retry() || !record.ok() || jobIsOver(record->job.state())) files().removeCheckpoints(lease.task);
@@ -265,8 +265,10 @@ Status FarmService::put(Rpc& rpc, grpc::ServerReader<v1::PutFarmFileRequest>& re
   const size_t digits = begin.checkpoint() ? kXxh128Digits : kSha256Digits;
   if (!isDigest(begin.digest(), digits)) return invalidArgument(strf("must be %zu lower-case hex digits", digits), "begin.digest");
   if (const uint64_t most = 4 * core_.live()->imageBytes; begin.bytes() > most)
-    return Status(Code::ResourceExhausted, strf("= %llu: a file of a worker has at most %llu bytes (four times limits.image_bytes)", (unsigned long long)begin.bytes(),
-                                                (unsigned long long)most), "begin.bytes");
+    return Status(
+        Code::ResourceExhausted,
+        strf("= %llu: a file of a worker has at most %llu bytes (four times limits.image_bytes)", (unsigned long long)begin.bytes(), (unsigned long long)most),
+        "begin.bytes");
   ReceivedFile file(begin.digest(), begin.bytes());
   GOBO_TRY(file.begin(files(), begin.checkpoint() ? files().checkpointPath(lease.task, begin.digest()) : files().resultPath(lease.task.job, begin.digest())));
   while (next()) {

@@ -33,9 +33,7 @@ v1::CheckpointInfo toMessage(const CheckpointRow& row) {
 
 CheckpointRow fromMessage(const v1::CheckpointInfo& m) { return {m.recipe(), m.digest(), m.blocks(), m.bytes()}; }
 
-Status fromGrpc(const grpc::Status& status) {
-  return status.ok() ? Status() : Status(Code(int(status.error_code())), status.error_message());
-}
+Status fromGrpc(const grpc::Status& status) { return status.ok() ? Status() : Status(Code(int(status.error_code())), status.error_message()); }
 
 bool isDigest(const std::string& text, size_t digits) { return text.size() == digits && text.find_first_not_of("0123456789abcdef") == std::string::npos; }
 

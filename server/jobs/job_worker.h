@@ -11,8 +11,8 @@
 
 #include "server/job_runner.h"
 #include "server/jobs/crash_marks.h"
-#include "server/jobs/job_hub.h"
 #include "server/jobs/job_files.h"
+#include "server/jobs/job_hub.h"
 #include "server/jobs/task_scenes.h"
 
 namespace gobo {

@@ -157,10 +157,12 @@ grpc::Status JobsService::Cancel(grpc::ServerContext* c, const v1::CancelJobRequ
       reply);
 }
 grpc::Status JobsService::Pause(grpc::ServerContext* c, const v1::PauseJobRequest* r, v1::Job* reply) {
-  return steer(*c, "pause", r->id(), [&](const JobRecord& record) { return core_.durable->store().pause(record.id); }, reply);
+  return steer(
+      *c, "pause", r->id(), [&](const JobRecord& record) { return core_.durable->store().pause(record.id); }, reply);
 }
 grpc::Status JobsService::Resume(grpc::ServerContext* c, const v1::ResumeJobRequest* r, v1::Job* reply) {
-  return steer(*c, "resume", r->id(), [&](const JobRecord& record) { return core_.durable->store().resume(record.id); }, reply);
+  return steer(
+      *c, "resume", r->id(), [&](const JobRecord& record) { return core_.durable->store().resume(record.id); }, reply);
 }
 grpc::Status JobsService::Retry(grpc::ServerContext* c, const v1::RetryJobRequest* r, v1::Job* reply) {
   return steer(
