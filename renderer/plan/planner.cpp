@@ -231,7 +231,9 @@ Result<uint64_t> planSlices(Plan& plan, const ScenePtr& base, const v1::RenderRe
         continue;
       }
       pictures.push_back(o.node);
-      const SlicePlane::How how = planned[i].name == "sample_count" ? SlicePlane::How::Sum : SlicePlane::How::Mean;
+      const SlicePlane::How how = planned[i].name == "sample_count"                          ? SlicePlane::How::Sum
+                                  : infoOf(planned[i].name).kind == OutputKind::Matte ? SlicePlane::How::Ranked
+                                                                                      : SlicePlane::How::Mean;
       if (k == 0) planes.push_back({o.plane, plan.graph.at(o.node).shape.find(o.plane)->channels, how});
     }
     if (k == slices / 2) {
