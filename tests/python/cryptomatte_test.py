@@ -7,8 +7,8 @@ import unittest
 import numpy as np
 
 import gobo
-from drake_form import read_png
 from gobo import exr, image
+from drake_form import read_png
 from support import DaemonTest
 
 
