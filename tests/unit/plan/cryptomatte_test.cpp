@@ -17,7 +17,7 @@ namespace {
 TEST(CryptomatteNames, NamesOfTheirOwnOrByNumber) {
   Scene s;
   for (const char* n : {"", "material2", "", "b\xff", "material4", ""}) s.materials.emplace_back().name = n;
-  EXPECT_EQ(matteNames(s, MatteOf::Materials), (std::vector<std::string>{"material0", "material2", "material2#2", "b\\xFF", "material4", "material5"}));
+  EXPECT_EQ(matteNames(s, MatteOf::Materials), (std::vector<std::string>{"material0", "material2", "material2#2", "b\\xff", "material4", "material5"}));
   for (const char* n : {"ball", ""}) s.instances.emplace_back().name = n;
   EXPECT_EQ(matteNames(s, MatteOf::Objects), (std::vector<std::string>{"ball", "instance1"}));
 }
@@ -52,7 +52,6 @@ TEST(CryptomatteNames, ChannelsArePairsInLayersOfFour) {
 TEST(CryptomatteNames, DifferentNamesOfOneIdAreTold) {
   EXPECT_EQ(cryptomatteCollisions({"a", "b", "a"}), "");
   EXPECT_EQ(cryptomatteCollisions({"ball112595", "x", "ball23993", "ball112595"}), "names 'ball112595' and 'ball23993' have one id");
-  // Hashes that differ in bit 23 alone, where a float may not have one of them.
   EXPECT_EQ(cryptomatteCollisions({"ball23993", "ball112595", "ball112595"}), "names 'ball23993' and 'ball112595' have one id") << "once";
 }
 

@@ -3,10 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <ImfChannelList.h>
+#include <ImfHeader.h>
 #include <ImfMultiPartInputFile.h>
 #include <ImfStringAttribute.h>
 
-#include <set>
+#include <bit>
+#include <cstring>
+#include <map>
 
 #include "base/exr_streams.h"
 #include "base/image_io.h"
