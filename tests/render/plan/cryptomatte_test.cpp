@@ -52,6 +52,7 @@ TEST(CryptomattePlan, TogetherTheyCoverWhatTheBeautyCovers) {
                                                     {"integrator.at_view_samples=true", "view_samples=3"},
                                                     {"integrator.at_view_samples=true", "view_samples=4", "camera.lens_radius=0.15", "camera.focus_distance=3"},
                                                     {"integrator.at_view_samples=true", "view_samples=4", "integrator.sampler=HALTON"},
+                                                    {"integrator.at_view_samples=true", "view_samples=7", "integrator.sampler=HALTON"},  // 64 are no multiple
                                                     {"seed=9", "halt.spp=16"},
                                                     {"camera.clip_near=6.6", "camera.clip_far=8.5"},
                                                     {"camera.panorama=true"},
@@ -186,6 +187,29 @@ TEST(CryptomattePlan, NamesOfOneIdAreWarnedOf) {
   const auto& warnings = made->reply.warnings();
   EXPECT_EQ(std::count(warnings.begin(), warnings.end(), "cryptomatte_object: names 'ball23993' and 'ball112595' have one id"), 1);
   EXPECT_TRUE(std::none_of(warnings.begin(), warnings.end(), [](const std::string& w) { return w.starts_with("cryptomatte_material"); }));
+}
+
+TEST(CryptomattePlan, BackFacesThatTheCameraPassesAreNotThere) {
+  tests::SceneMaker m;
+  const int wall = m.material(Vec3(0.5f), [](Material& k) { k.coverage.doubleSided = false; }), blue = m.material(Vec3(0.5f));
+  m.instance(m.mesh(tests::quad(Vec3(1, -1, 1), Vec3(-2, 0, 0), Vec3(0, 2, 0)), wall));  // turned away
+  m.instance(m.mesh(tests::sphere(Vec3(0.0f), 0.5f, 12, true), blue));
+  m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.5f);
+  RenderControl control;
+  control.scene = m.finish();
+  for (const bool passes : {false, true}) {
+    v1::RenderRequest r = request({"camera.cull_back_faces=" + std::string(passes ? "true" : "false")});
+    const auto made = makeEngine()->render(r, control);
+    ASSERT_TRUE(made.ok()) << made.status().toString();
+    double ball = 0, front = 0;
+    for (size_t p = 0; p < 40 * 30; ++p) {
+      auto found = matteAt(imageOf(*made, "cryptomatte_object"), p);
+      ball += found[cryptomatteId("i1")];
+      front += found[cryptomatteId("i0")];
+    }
+    EXPECT_EQ(ball > 50, passes) << ball;
+    EXPECT_EQ(front > 50, !passes) << front;
+  }
 }
 
 /// What is edited of lights does not trace mattes again; a camera that moves does.
