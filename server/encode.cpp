@@ -2,6 +2,7 @@
 #include "server/encode.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -38,6 +39,11 @@ void normaliseChannel(const Image& in, int channel, bool flip, bool positiveOnly
     if (counts(v)) t = flip ? (high > low ? (high - v) / range : 1.0f) : (v - low) / range;
     out.data[i * out.channels + outChannel] = t;
   }
+}
+
+/// The colour of an id, none of it dark.
+void addColour(uint64_t hash, float share, float* to) {
+  for (int c = 0; c < 3; ++c) to[c] += share * (56.0f + float(hash >> (16 * c) & 0xffff) * (199.0f / 65535.0f)) / 255.0f;
 }
 
 /// A format without alpha shows what lies on black.
@@ -91,7 +97,7 @@ DisplayImage displayImage(const std::string& output, const Image& image, const v
   const OutputInfo* info = findOutput(output);
   const OutputKind kind = info ? info->kind : OutputKind::Colour;
   if (kind == OutputKind::Radiance) return {toneMapped(image, settings), false};
-  const bool wide = image.channels == 2 || image.channels == 3 || kind == OutputKind::Id;
+  const bool wide = image.channels == 2 || image.channels == 3 || kind == OutputKind::Id || kind == OutputKind::Matte;
   const int channels = wide ? 3 : image.channels > 3 ? 4 : 1;
   Image out(image.width, image.height, channels);
   const bool isDepth = output == "depth" || output == "z_depth";
@@ -109,10 +115,14 @@ DisplayImage displayImage(const std::string& output, const Image& image, const v
     float* to = out.data.data() + i * channels;
     const float* from = image.data.data() + i * image.channels;
     if (kind == OutputKind::Id) {
-      if (from[0] >= 0 && from[0] < 0x1p63f) {  // not what no integer holds
-        const uint64_t h = mix64(uint64_t(from[0]) + 1);
-        for (int c = 0; c < 3; ++c) to[c] = (56.0f + float(h >> (16 * c) & 0xffff) * (199.0f / 65535.0f)) / 255.0f;
-      }
+      if (from[0] >= 0 && from[0] < 0x1p63f)  // not what no integer holds
+        addColour(mix64(uint64_t(from[0]) + 1), 1.0f, to);
+      continue;
+    }
+    if (kind == OutputKind::Matte) {
+      for (int c = 0; c + 1 < image.channels; c += 2)
+        if (from[c + 1] > 0.0f) addColour(mix64(std::bit_cast<uint32_t>(from[c])), from[c + 1], to);
+      for (int c = 0; c < 3; ++c) to[c] = std::min(to[c], 1.0f);
       continue;
     }
     for (int c = 0; c < std::min(channels, image.channels); ++c) {
@@ -193,13 +203,19 @@ ExrOptions exrOptions(const RenderResult& result) {
   return exr;
 }
 
-ExrLayer layerOf(const RenderedImage& rendered) {
+bool isMatte(const std::string& output) {
+  const OutputInfo* info = findOutput(output);
+  return info && info->kind == OutputKind::Matte;
+}
+
+ExrLayer layerOf(const RenderedImage& rendered, const RenderResult& result) {
   const OutputInfo* info = findOutput(rendered.output);
   ExrLayer layer;
   layer.channels = channelNames(rendered.names(), rendered.channels());
   layer.pixels = rendered.pixels();
   layer.float32 = info && info->float32;
   layer.lossless = !info || info->lossless();
+  if (const auto own = result.attributes.find(rendered.output); own != result.attributes.end()) layer.metadata = own->second;
   return layer;
 }
 
@@ -221,7 +237,7 @@ void warnOfClamping(RenderResult& result, v1::Encoding::Format format) {
   const bool dwa = encoding.compression() == v1::Encoding::DWAA || encoding.compression() == v1::Encoding::DWAB;
   std::set<std::string> seen;
   for (const RenderedImage& rendered : result.images) {
-    const ExrLayer layer = layerOf(rendered);
+    const ExrLayer layer = layerOf(rendered, result);
     const bool half = format == v1::Encoding::RAW_HALF || (format == v1::Encoding::EXR && ((encoding.half() && !layer.float32) || (dwa && !layer.lossless)));
     if (!half || !seen.insert(rendered.output).second) continue;
     const size_t beyond = beyondHalves(layer.pixels);
@@ -238,13 +254,18 @@ Result<std::vector<EncodedImage>> encodeLayers(RenderResult& result) {
   std::set<std::string> outputs, names;
   for (const RenderedImage& rendered : result.images) {
     if (!outputs.insert(rendered.output).second) continue;
-    ExrLayer layer = layerOf(rendered);
+    ExrLayer layer = layerOf(rendered, result);
     if (rendered.output != "beauty") {
       const std::string plain = exrLayerName(rendered.output);
-      layer.name = plain;
-      for (int k = 2; !names.insert(layer.name).second; ++k) layer.name = plain + "_" + std::to_string(k);  // "group:a.b" and "group:a_b"
-      named.push_back(layer.name);
-      named.push_back(rendered.output);
+      if (isMatte(rendered.output)) {  // its channels have their layers' names
+        std::set<std::string> own;
+        for (const std::string& c : layer.channels) own.insert(c.substr(0, c.rfind('.')));
+        for (const std::string& name : own) named.insert(named.end(), {name, rendered.output});
+      } else {
+        layer.name = plain;
+        for (int k = 2; !names.insert(layer.name).second; ++k) layer.name = plain + "_" + std::to_string(k);  // "group:a.b" and "group:a_b"
+        named.insert(named.end(), {layer.name, rendered.output});
+      }
     }
     for (const std::string& c : layer.channels) channels.push_back(layer.name.empty() ? c : layer.name + "." + c);
     layers.push_back(std::move(layer));
@@ -284,7 +305,7 @@ Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
     switch (format) {
       case v1::Encoding::EXR: {
         exr.metadata["gobo:output"] = rendered.output;
-        const ExrLayer layer = layerOf(rendered);
+        const ExrLayer layer = layerOf(rendered, result);
         made = encodeExr(rendered.width(), rendered.height(), std::span(&layer, 1), exr);
         break;
       }

@@ -70,7 +70,7 @@ struct DisplayImage {
 };
 /// Radiance: tone mapped; albedo, visibility: clamped. As data: alpha; normal (0.5 + n/2); motion (0.5 + m / (2 largest |m|), blue 0);
 /// depth: (far - d) / (far - near) over finite positive depths, nothing = 0; position, sample_count, variance: each channel over its own
-/// range; ids: a colour each (by a hash of the number), nothing black.
+/// range; ids: a colour each (by a hash of the number), nothing black; mattes: the mean of their ids' colours by coverage.
 DisplayImage displayImage(const std::string& output, const Image& image, const v1::ToneMap& settings);
 
 /// Row-major interleaved little-endian floats, or halves (clamped to +-65504, rounded to nearest even).

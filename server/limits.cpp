@@ -35,7 +35,9 @@ grpc::Status checkRender(Rpc& rpc, v1::RenderRequest& request, const v1::RenderR
   const bool part = resolved.has_window();
   const uint32_t width = part ? resolved.window().width() : resolved.width(), height = part ? resolved.window().height() : resolved.height();
   const uint64_t pixels = uint64_t(width) * height;
-  const uint64_t outputs = uint64_t(std::max(1, resolved.outputs_size()));
+  uint64_t outputs = uint64_t(std::max(1, resolved.outputs_size()));
+  for (const std::string& output : resolved.outputs())
+    if (const OutputInfo* const info = findOutput(output); info && info->kind == OutputKind::Matte) outputs += 2;  // three layers of four channels
   const uint64_t bytes = pixels * outputs * 16, most = rpc.core().live()->imageBytes;
   if (bytes > most)
     return rpc.refuse("image_bytes", invalidArgument(strf("width x height x outputs = %u x %u x %llu needs %llu bytes: at most %llu (limits.image_bytes)",

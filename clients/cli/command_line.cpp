@@ -16,7 +16,8 @@ constexpr const char* kOutputsHelp =
     "separated by commas: beauty, emission, direct, indirect, diffuse, specular, direct_diffuse, ..., negative_light, filtered:N, albedo, normal, position, "
     "depth, "
     "z_depth, alpha, "
-    "object_id, material_id, motion, sample_count, variance, group:LIGHT, unoccluded:LIGHT, visibility:LIGHT, shadow_distance:LIGHT, shadow_flags:LIGHT, "
+    "object_id, material_id, cryptomatte_object, cryptomatte_material, motion, "
+    "sample_count, variance, group:LIGHT, unoccluded:LIGHT, visibility:LIGHT, shadow_distance:LIGHT, shadow_flags:LIGHT, "
     "shadow_rays:LIGHT, "
     "shadow_width:LIGHT, shadow_basis:LIGHT";
 

@@ -105,8 +105,12 @@ Result<std::vector<uint8_t>> encodeExr(int width, int height, std::span<const Ex
       if (dwa ? (second ? !data : !colour) : second) continue;
       Part& part = parts.emplace_back(width, height, options.place, exrCompression(dwa && second ? ExrCompression::Zip : options.compression));
       if (dwa && !second) part.header.dwaCompressionLevel() = options.dwaLevel;
-      for (const ExrLayer& l : layers)
-        if (!dwa || lossy(l) != second) part.add(l, width, options.half && !l.float32, lossy(l));
+      for (const ExrLayer& l : layers) {
+        const bool here = !dwa || lossy(l) != second;
+        if (here) part.add(l, width, options.half && !l.float32, lossy(l));
+        if (here || parts.size() == 1)
+          for (const auto& [key, value] : l.metadata) part.header.insert(key, Imf::StringAttribute(value));
+      }
       part.header.setType(Imf::SCANLINEIMAGE);
       if (colour && data && dwa) part.header.setName(second ? "data" : "color");
     }

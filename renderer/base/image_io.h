@@ -62,6 +62,7 @@ struct ExrLayer {
   std::span<const float> pixels;      ///< width * height * channels, interleaved
   bool float32 = false;               ///< 32 bits whatever the options say (ids, positions)
   bool lossless = true;               ///< false: DWA may lose some of R, G, B
+  std::map<std::string, std::string> metadata = {};  ///< string attributes of the part that it is in, and of the first
 };
 /// Scan-line EXR. One part; with DWAA or DWAB and both kinds of layers two: "color" (DWA) and "data" (ZIP), because DWA takes every
 /// channel called Y for luma and would lose some of normal.Y and position.Y too. Values beyond half's range are clamped to +-65504 in

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "filters/rank_sums.h"
 #include "terms/dropped_samples.h"
 
 namespace gobo {
@@ -39,21 +40,25 @@ class SliceSumNode final : public FoldNode {
     return w.gives(std::move(out));
   }
   size_t workingBytes() const override {
-    size_t channels = 0;
-    for (const SlicePlane& o : outputs_) channels += size_t(o.channels);
-    return pixels() * channels * sizeof(double);
+    size_t bytes = 0;
+    for (const SlicePlane& o : outputs_) bytes += o.how == How::Ranked ? RankSums::kBytesAPixel : size_t(o.channels) * sizeof(double);
+    return pixels() * bytes;
   }
   int fixedInputs() const override { return 0; }
   int stride() const override { return int(outputs_.size()); }
 
   struct Sum final : State {
     std::vector<std::vector<double>> values;  // double: of 256 slices too the mean is that of their pictures
+    std::vector<RankSums> ranks;              // of pixels() elements where the output is Ranked
     std::shared_ptr<Term> dropped;            // counts alone
   };
   std::unique_ptr<State> begin(const RunContext&, const std::vector<TermPtr>&) const override {
     auto sum = std::make_unique<Sum>();
-    for (const SlicePlane& o : outputs_)
-      sum->values.emplace_back(pixels() * size_t(o.channels), o.how == How::Least ? std::numeric_limits<double>::max() : 0.0);
+    for (const SlicePlane& o : outputs_) {
+      const bool ranked = o.how == How::Ranked;
+      sum->values.emplace_back(ranked ? 0 : pixels() * size_t(o.channels), o.how == How::Least ? std::numeric_limits<double>::max() : 0.0);
+      sum->ranks.emplace_back(ranked ? pixels() : 0);
+    }
     sum->dropped = std::make_shared<Term>("dropped", Domain::Pixel, extent());
     return sum;
   }
@@ -67,9 +72,14 @@ class SliceSumNode final : public FoldNode {
       const auto seen = bySeen(plane) ? inputs[size_t(plane.with)]->floats(outputs_[size_t(plane.with)].plane) : std::span<const float>();
       std::vector<double>& values = sum.values[o];
       const size_t channels = size_t(plane.channels);
+      const bool ranked = plane.how == How::Ranked;
       const bool complete = ctx.arena->parallelFor(
-          values.size(), 1 << 15,
+          ranked ? pixels() : values.size(), ranked ? 1 << 12 : 1 << 15,
           [&](size_t b, size_t e) {
+            if (ranked) {
+              for (size_t p = b; p < e; ++p) sum.ranks[o].add(p, picture.subspan(p * channels, channels));
+              return;
+            }
             for (size_t i = b; i < e; ++i) {
               const double v = picture[i];
               switch (plane.how) {
@@ -86,7 +96,7 @@ class SliceSumNode final : public FoldNode {
     return {};
   }
   Result<TermPtr> finish(const RunContext& ctx, std::unique_ptr<State> state) const override {
-    const Sum& sum = static_cast<Sum&>(*state);
+    Sum& sum = static_cast<Sum&>(*state);
     for (size_t o = 0; o < outputs_.size(); ++o) {
       const SlicePlane& plane = outputs_[o];
       const auto out = ctx.result->writable<float>(slicedPlane(o));
@@ -94,9 +104,14 @@ class SliceSumNode final : public FoldNode {
       const double share = 1.0 / of;
       const std::vector<double>* with = plane.with >= 0 ? &sum.values[size_t(plane.with)] : nullptr;
       const size_t channels = size_t(plane.channels);
+      const bool ranked = plane.how == How::Ranked;
       const bool complete = ctx.arena->parallelFor(
-          out.size(), 1 << 15,
+          ranked ? pixels() : out.size(), ranked ? 1 << 12 : 1 << 15,
           [&](size_t b, size_t e) {
+            if (ranked) {
+              for (size_t p = b; p < e; ++p) sum.ranks[o].write(p, slices_, out.subspan(p * channels, channels));
+              return;
+            }
             for (size_t i = b; i < e; ++i) {
               const double v = sum.values[o][i];
               if (!with) out[i] = float(v * share);

@@ -17,7 +17,8 @@ struct SlicePlane {
     MeanOfEven,    ///< of slices 0, 2, 4, ... alone: half of the samples, of moments between those of the other half
     MeanOverSeen,  ///< each slice by its share in plane `with` (one channel, How::Mean, values of at least 0); 0 where that is none
     MeanOfSeen,    ///< slices without a share in `with` count as 0; 1 where none has any
-    Least
+    Least,
+    Ranked  ///< pairs (id, coverage): the mean coverage of each id, ranked anew (filters/rank_sums.h)
   };
   std::string plane;
   int channels = 3;
@@ -28,7 +29,7 @@ struct SlicePlane {
 std::string slicedPlane(size_t i);
 
 /// Fold: its inputs are the pictures of the first slice, a plane each, then those of the next. Output: "picture", planes slicedPlane(0), ... Memory: a double
-/// accumulator for each output; all that a slice is made of may go before the next one is made. Samples that outputs of one slice dropped are the same ones:
+/// accumulator for each channel of an output (96 bytes a pixel of a Ranked one); all that a slice is made of may go before the next one is made. Samples that outputs of one slice dropped are the same ones:
 /// the most of them count.
 NodePtr makeSliceSumNode(std::vector<SlicePlane> outputs, int width, int height, int slices);
 

@@ -13,6 +13,7 @@
 #include "filters/shadow_technique.h"
 #include "plan/auto_exposure.h"
 #include "plan/certify_picture.h"
+#include "plan/cryptomatte.h"
 #include "plan/describe_unrun.h"
 #include "plan/disk_store.h"
 #include "plan/executor.h"
@@ -373,6 +374,11 @@ Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopT
 void Engine::Impl::describe(const Plan& plan, const v1::RenderRequest& request, RenderResult& result) {
   const Scene& scene = *plan.effective.scene;
   for (const std::string& o : request.outputs()) {
+    if (const OutputInfo* info = findOutput(o); info->kind == OutputKind::Matte) {
+      const MatteOf of = o == "cryptomatte_object" ? MatteOf::Objects : MatteOf::Materials;
+      result.attributes[o] = cryptomatteAttributes(info->channels, matteNames(scene, of));
+      continue;
+    }
     std::vector<std::string> names;
     if (o == "object_id")
       for (const Instance& i : scene.instances) names.push_back(i.name);

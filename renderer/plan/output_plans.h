@@ -29,6 +29,8 @@ Result<OutputPlane> planZDepth(OutputContext&, const std::string& output, const 
 Result<OutputPlane> planAlpha(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planObjectId(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planMaterialId(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planCryptomatteObject(OutputContext&, const std::string& output, const std::string& light);    ///< plan/cryptomatte.h
+Result<OutputPlane> planCryptomatteMaterial(OutputContext&, const std::string& output, const std::string& light);  ///< plan/cryptomatte.h
 Result<OutputPlane> planMotion(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planSampleCount(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planVariance(OutputContext&, const std::string& output, const std::string& light);

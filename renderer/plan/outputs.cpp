@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cstdio>
 
+#include "plan/cryptomatte.h"
 #include "plan/output_plans.h"
 
 namespace gobo {
@@ -33,6 +34,8 @@ const OutputInfo kTable[] = {
     {"alpha", OutputKind::Plain, planAlpha, PathSet::None, "A", false, false, GBufferPart::Hits},
     {"object_id", OutputKind::Id, planObjectId, PathSet::None, "X", false, true, GBufferPart::Hits},
     {"material_id", OutputKind::Id, planMaterialId, PathSet::None, "X", false, true, GBufferPart::Hits},
+    {"cryptomatte_object", OutputKind::Matte, planCryptomatteObject, PathSet::None, "crypto_object", false, true, GBufferPart::Hits},
+    {"cryptomatte_material", OutputKind::Matte, planCryptomatteMaterial, PathSet::None, "crypto_material", false, true, GBufferPart::Hits},
     {"motion", OutputKind::Vector, planMotion, PathSet::None, "XY", false, true},
     {"sample_count", OutputKind::Range, planSampleCount, PathSet::All, "X", false, true},
     {"variance", OutputKind::Range, planVariance, PathSet::All, "RGB", false, true},
@@ -50,6 +53,7 @@ const OutputInfo kTable[] = {
 }  // namespace
 
 std::vector<std::string> OutputInfo::channelNames() const {
+  if (kind == OutputKind::Matte) return cryptomatteChannels(channels);
   std::vector<std::string> names;
   for (const char* c = channels; *c; ++c) names.emplace_back(1, *c);
   return names;
@@ -96,6 +100,9 @@ Status checkOutputs(const Scene& scene, const v1::RenderRequest& request) {
       return invalidArgument("request.outputs: no output '" + o + "' (has: " + list + ")", "request.outputs");
     }
     if (info->perFilter) GOBO_TRY(filterOfOutput(request, o).status());
+    if (info->kind == OutputKind::Matte && request.encoding().format() == v1::Encoding::RAW_HALF)
+      return invalidArgument("request.encoding.format = RAW_HALF: 16 bits do not hold the ids of '" + o + "'; ask for EXR or RAW_FLOAT",
+                             "request.encoding.format");
     if (!info->perLight) continue;
     const v1::CameraSettings& k = request.camera();
     if (std::string_view(info->name) != "group" && (k.has_f_number() || k.lens_radius() > 0.0))

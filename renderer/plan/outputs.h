@@ -25,6 +25,7 @@ enum class OutputKind : uint8_t {
   Vector,    ///< normal, motion
   Range,     ///< shown over its own range: depth, position, sample_count, variance
   Id,        ///< shown in a colour of its own
+  Matte,     ///< pairs (id, coverage): shown as the mean of the ids' colours; no halves
 };
 
 struct NoisySlice;    // plan/denoised.h
@@ -44,7 +45,7 @@ struct OutputInfo {
   OutputKind kind;
   PlanOutput plan;
   PathSet shows = PathSet::None;  ///< of the beauty; needed whole where it is told apart neither by class nor by lobe
-  const char* channels = "RGB";   ///< EXR channel names, one letter each
+  const char* channels = "RGB";   ///< EXR channel names, one letter each; of a matte its layers' name (plan/cryptomatte.h)
   bool perLight = false;
   bool float32 = false;                 ///< never stored as half
   GBufferPart seen = GBufferPart::All;  ///< what it needs of the camera's first hits; of a request all have what one needs

@@ -23,6 +23,12 @@ namespace {
 
 const OutputInfo& infoOf(const std::string& output) { return *findOutput(output); }
 
+/// What a shutter's slices of an output are together.
+SlicePlane::How togetherOf(const std::string& output) {
+  if (output == "sample_count") return SlicePlane::How::Sum;
+  return infoOf(output).kind == OutputKind::Matte ? SlicePlane::How::Ranked : SlicePlane::How::Mean;
+}
+
 /// Classes that nobody brings, by relight group.
 void reportMissing(const PlanContext& c, std::vector<std::string>& missing) {
   for (int g = 0; g < c.groups().count; ++g) {
@@ -231,8 +237,7 @@ Result<uint64_t> planSlices(Plan& plan, const ScenePtr& base, const v1::RenderRe
         continue;
       }
       pictures.push_back(o.node);
-      const SlicePlane::How how = planned[i].name == "sample_count" ? SlicePlane::How::Sum : SlicePlane::How::Mean;
-      if (k == 0) planes.push_back({o.plane, plan.graph.at(o.node).shape.find(o.plane)->channels, how});
+      if (k == 0) planes.push_back({o.plane, plan.graph.at(o.node).shape.find(o.plane)->channels, togetherOf(planned[i].name)});
     }
     if (k == slices / 2) {
       middle = std::move(outputs);

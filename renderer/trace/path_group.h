@@ -20,7 +20,7 @@ void traceGroupInto(const PathTracer::Impl& m, int x, int y, const SampleRun& ru
   uint64_t seeds[kLanes];
   for (int p = 0; p < group.pixels(); ++p) {
     const int px = x + p % group.width, py = y + p / group.width;
-    seeds[p] = pixelSeed(s, px, py, run.stream);
+    seeds[p] = pixelSeed(s.seed, px, py, run.stream);
     // All that the film has of the group, wanted or not: which rays go together may decide between triangles at the same distance.
     if (px < s.width && py < s.height) who.present |= ((1u << each) - 1) << (p * each);
     for (int i = 0; i < each; ++i) {

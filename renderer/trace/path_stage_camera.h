@@ -6,14 +6,13 @@
 #include <cstring>
 
 #include "base/disk.h"
+#include "trace/camera_draws.h"
 #include "trace/path_chunk.h"
 
 namespace gobo {
 
 /// Draws of one scattering event: the light's point, the new direction, (which light, which lobe), roulette.
 enum PathDraw : uint32_t { kDrawLight = 0, kDrawDirection = 1, kDrawChoice = 2, kDrawRoulette = 3, kDrawsPerEvent = 4 };
-/// The lens' point, of the camera's ray alone: a set that no event has.
-inline constexpr uint32_t kDrawLens = ~0u;
 
 /// Writes alive, paths, media, the rays in rh; what Embree and vector code read of lanes that are not there.
 
@@ -22,7 +21,7 @@ inline void PathChunk<Sink>::startAtCamera() {
   if (hasMedia) media.start(m.surfaces.interiors(), m.cameraMedia);
   alive = who.present;
   // Lanes that are not there have rays too, masked out: their numbers stay ordinary.
-  if (m.viewSamples.empty()) set.draw2D(0, px, py);
+  if (m.viewSamples.empty()) set.draw2D(kDrawFilm, px, py);
   if (m.lens && m.viewSamples.empty()) set.draw2D(kDrawLens, ux, uy);
   for (int i = 0; i < kLanes; ++i) {
     Vec2 offset(px[i], py[i]), onLens(0.0f);

@@ -32,17 +32,12 @@ uint32_t traceChunk(const PathTracer::Impl& m, const ChunkLanes& who, const Samp
   return chunk.bad;
 }
 
-/// Of a pixel's samples in one of its independent sequences.
-inline uint64_t pixelSeed(const PathTracerSettings& s, int x, int y, uint32_t stream) {
-  return hash64(hash64(s.seed, uint64_t(uint32_t(y)) << 32 | uint32_t(x)), stream);
-}
-
 template <class Sink>
 void PathTracer::traceInto(int x, int y, uint32_t block, Sink& sink, uint64_t& rays, uint64_t& dropped) const {
   static_assert(PathSink<Sink>);
   const Impl& m = *impl_;
   const int size = m.settings.blockSize;
-  const uint64_t seed = pixelSeed(m.settings, x, y, block / kBlocksPerStream);
+  const uint64_t seed = pixelSeed(m.settings.seed, x, y, block / kBlocksPerStream);
   const uint32_t begin = block % kBlocksPerStream * uint32_t(size);
   ChunkLanes who;
   std::fill_n(who.x, kLanes, x);

@@ -111,6 +111,10 @@ class Pages(unittest.TestCase):
         for name, magic in (("color.png", b"\x89PNG"), ("depth.tiff", b"II*\0"), ("label.png", b"\x89PNG")):
             self.assertTrue((self.folder / name).read_bytes().startswith(magic), name)
 
+    def test_cryptomatte_page(self):
+        self.assertEqual(self.run_page("docs/cryptomatte.md"), 2)
+        self.assertTrue((self.folder / "preview.png").read_bytes().startswith(b"\x89PNG"))
+
     def test_regression_page(self):
         self.assertEqual(self.run_page("docs/regression.md"), 1)
         self.assertIn("data:image/png;base64,", (self.folder / "nightly.out/report.html").read_text(encoding="utf-8"))

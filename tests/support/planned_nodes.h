@@ -137,8 +137,8 @@ inline v1::RenderRequest withLamp(int width, int height, LightKind kind) {
 }
 
 inline void addEveryOutput(v1::RenderRequest& r) {
-  for (const char* o : {"beauty", "direct", "diffuse", "albedo", "normal", "position", "depth", "z_depth", "alpha", "object_id", "material_id", "motion",
-                        "sample_count", "variance", "unoccluded:lamp", "visibility:lamp"})
+  for (const char* o : {"beauty", "direct", "diffuse", "albedo", "normal", "position", "depth", "z_depth", "alpha", "object_id", "material_id",
+                        "cryptomatte_object", "cryptomatte_material", "motion", "sample_count", "variance", "unoccluded:lamp", "visibility:lamp"})
     r.add_outputs(o);
 }
 
@@ -288,13 +288,13 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
   all.emplace_back("filters of whole pictures", filters);
   v1::RenderRequest lens = smallRequest("cornell", width, height, 2);
   for (const char* a : {"camera.lens_radius=0.2", "camera.focus_distance=2.5", "environment.sky.turbidity=3", "environment.background=TRANSPARENT",
-                        "outputs=beauty,indirect_diffuse,albedo,normal,position,depth,z_depth,alpha,object_id,motion"})
+                        "outputs=beauty,indirect_diffuse,albedo,normal,position,depth,z_depth,alpha,object_id,motion,cryptomatte_object"})
     set(lens, a);
   all.emplace_back("lens", lens);
   v1::RenderRequest shutter = withLamp(width, height, LightKind::Spot);  // while the camera zooms in
   for (const char* a : {"lights.lamp.shadow.ray_traced.samples=1", "camera.shutter_s=1", "camera.shutter_slices=3", "halt.spp=6",
                         "curves.camera.yfov_deg.time_s=0,1", "curves.camera.yfov_deg.value=50,30", "environment.sky.turbidity=3",
-                        "environment.background=TRANSPARENT", "outputs=beauty,direct,albedo,alpha,sample_count"})
+                        "environment.background=TRANSPARENT", "outputs=beauty,direct,albedo,alpha,sample_count,cryptomatte_material"})
     set(shutter, a);
   all.emplace_back("shutter", shutter);
   for (const char* a : {"denoise.wavelet.levels=2", "halt.spp=3", "camera.lens_radius=0.1", "camera.focus_distance=2.5", "lights.lamp.shadow.path_traced={}"})

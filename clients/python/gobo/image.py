@@ -16,7 +16,7 @@ _ACES_IN = np.array([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [
 _ACES_OUT = np.array([[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]])
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 #: Outputs that are not light; they are shown without exposure or curve, those of any range from their least to their largest value.
-_NOT_LIGHT = ("albedo", "normal", "position", "depth", "alpha", "object_id", "material_id", "motion", "sample_count", "variance", "visibility",
+_NOT_LIGHT = ("albedo", "normal", "position", "depth", "alpha", "object_id", "material_id", "cryptomatte_object", "cryptomatte_material", "motion", "sample_count", "variance", "visibility",
               "shadow_distance", "shadow_flags", "shadow_rays", "shadow_width", "shadow_basis")
 
 
@@ -113,12 +113,28 @@ def shown(image: np.ndarray, output: str, settings: Any = None, transfer: str = 
             return tone_mapped(image, auto_exposure=True)
         curve = CURVES[max(settings.curve - 1, 0)] if settings.curve else "filmic"
         return tone_mapped(image, settings.exposure, curve, transfer, settings.auto_exposure and settings.exposure == 0)
+    if kind in ("cryptomatte_object", "cryptomatte_material"):
+        return _matte_colours(image)
     pixels = np.asarray(image, np.float64)
     if kind not in ("albedo", "alpha", "visibility"):
         fine = pixels[np.isfinite(pixels)]
         low, high = (float(fine.min()), float(fine.max())) if fine.size else (0.0, 1.0)
         pixels = (pixels - low) / ((high - low) or 1.0)
     return tone_mapped(pixels[:, :, :1] if pixels.shape[2] == 2 else pixels[:, :, :3], curve="linear", transfer="srgb" if kind == "albedo" else "linear")
+
+
+def _matte_colours(ranks: np.ndarray) -> np.ndarray:
+    """uint8 of pairs (id, coverage): the mean of the ids' colours, as the server's PNG has it (to a code value)."""
+    pairs = np.ascontiguousarray(ranks, np.float32)
+    h = np.ascontiguousarray(pairs[:, :, 0::2]).view(np.uint32).astype(np.uint64)
+    h ^= h >> np.uint64(30)
+    h *= np.uint64(0xbf58476d1ce4e5b9)
+    h ^= h >> np.uint64(27)
+    h *= np.uint64(0x94d049bb133111eb)
+    h ^= h >> np.uint64(31)
+    colours = np.stack([56 + (h >> np.uint64(16 * c) & np.uint64(0xffff)) * (199 / 65535) for c in range(3)], axis=3)
+    out: np.ndarray = np.floor(np.minimum((colours * np.maximum(pairs[:, :, 1::2, None], 0)).sum(2), 255) + 0.5).astype(np.uint8)
+    return out
 
 
 def png(pixels: np.ndarray) -> bytes:

@@ -39,14 +39,6 @@ LightSelection selectionOf(const v1::Integrator& integrator) {
   }
 }
 
-SamplerKind samplerOf(const v1::Integrator& integrator) {
-  switch (integrator.sampler()) {
-    case v1::Integrator::HALTON: return SamplerKind::Halton;
-    case v1::Integrator::INDEPENDENT: return SamplerKind::Independent;
-    default: return SamplerKind::Sobol;
-  }
-}
-
 /// Slots of the split: emission, direct, indirect, the latter two by lobe if asked for.
 PathSet pathsOfSlot(SplitMode split, int slot, PathSet all) {
   if (split == SplitMode::Combined) return all;
@@ -110,6 +102,14 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
 }
 
 }  // namespace
+
+SamplerKind samplerOf(const v1::Integrator& integrator) {
+  switch (integrator.sampler()) {
+    case v1::Integrator::HALTON: return SamplerKind::Halton;
+    case v1::Integrator::INDEPENDENT: return SamplerKind::Independent;
+    default: return SamplerKind::Sobol;
+  }
+}
 
 PathTracerSettings pathTracerSettings(const PlanContext& c, PathClass cover) {
   PathTracerSettings s;

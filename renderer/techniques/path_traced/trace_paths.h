@@ -13,6 +13,7 @@ namespace gobo {
 
 /// Of the request: camera, size, bounces, seed. Groups are the caller's.
 PathTracerSettings pathTracerSettings(const PlanContext& context, PathClass cover);
+SamplerKind samplerOf(const v1::Integrator& integrator);
 
 /// `paths` of `lights`, by relight groups, brought in the name of `technique`, which has claimed them. Of direct light the tracer can tell lobes
 /// apart, and what is behind from all; not the front alone where light passes surfaces (Internal).
