@@ -152,7 +152,7 @@ struct Engine::Impl {
     s.scene = scene;
     return s;
   }
-  Result<EnvironmentPtr> loadEnvironment(const v1::EnvironmentSettings& e, const EnvironmentSource& source, const StopToken& stop) {
+  Result<EnvironmentPtr> mapOf(const v1::EnvironmentSettings& e, const EnvironmentSource& source, const StopToken& stop) {
     if (source.map) return source.map;
     if (!e.has_digest()) return scenes.environment(e.path(), stop);
     if (!source.file.empty()) return scenes.environmentOf(e.digest(), source.file, stop);
@@ -162,7 +162,7 @@ struct Engine::Impl {
                                   std::map<NodeId, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
     s.loadEnvironment = [this, stop, &guard, environment](const v1::EnvironmentSettings& e) -> Result<EnvironmentPtr> {
-      GOBO_ASSIGN(EnvironmentPtr map, loadEnvironment(e, environment, stop));
+      GOBO_ASSIGN(EnvironmentPtr map, mapOf(e, environment, stop));
       guard.add(*map, e.has_digest() ? e.digest() : e.path());
       return map;
     };
@@ -256,8 +256,8 @@ Status Engine::unloadScene(const std::string& id, const SceneAccess& access) { r
 Result<ScenePtr> Engine::scene(const std::string& id) const { return impl_->scenes.find(id); }
 Result<ScenePtr> Engine::loadScene(const std::string& source, bool trusted) const { return impl_->scenes.load(source, trusted); }
 Result<std::string> Engine::allowedPath(const std::string& path, const std::string& field) const { return impl_->scenes.allowedPath(path, field); }
-Result<EnvironmentPtr> Engine::loadEnvironment(const v1::EnvironmentSettings& settings, const EnvironmentSource& source, const StopToken& stop) const {
-  return impl_->loadEnvironment(settings, source, stop);
+Result<EnvironmentPtr> Engine::mapOf(const v1::EnvironmentSettings& settings, const EnvironmentSource& source, const StopToken& stop) const {
+  return impl_->mapOf(settings, source, stop);
 }
 void Engine::setRoots(std::vector<std::string> roots) { impl_->scenes.setRoots(std::move(roots)); }
 int Engine::threads() const { return impl_->arena.threads(); }

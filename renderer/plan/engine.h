@@ -128,7 +128,7 @@ class Engine {
   /// The file that a request's path stands for. Errors: PermissionDenied outside the roots, NotFound.
   Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
   /// The map that the settings name, or null. Errors: what loading says; Cancelled.
-  Result<EnvironmentPtr> loadEnvironment(const v1::EnvironmentSettings& settings, const EnvironmentSource& source, const StopToken& stop) const;
+  Result<EnvironmentPtr> mapOf(const v1::EnvironmentSettings& settings, const EnvironmentSource& source, const StopToken& stop) const;
   /// From now on files are opened under these folders only; loaded scenes stay.
   void setRoots(std::vector<std::string> roots);
 

@@ -99,7 +99,7 @@ Status JobScenes::keepAgain(const JobRecord& record) {
 Result<EnvironmentPtr> JobScenes::map(const JobRecord& record, const StopToken& stop) {
   if (record.environmentDigest.empty()) return EnvironmentPtr();
   const v1::RenderRequest& request = record.job.spec().request();
-  return engine_.loadEnvironment(request.environment(), environmentFile(request), stop);
+  return engine_.mapOf(request.environment(), environmentFile(request), stop);
 }
 
 Result<ScenePtr> JobScenes::get(const JobRecord& record) {
