@@ -57,11 +57,11 @@ struct ExrOptions {
   ExrPlace place;
 };
 struct ExrLayer {
-  std::string name;                   ///< "" for the nameless layer: R, G, B
-  std::vector<std::string> channels;  ///< without the layer's name
-  std::span<const float> pixels;      ///< width * height * channels, interleaved
-  bool float32 = false;               ///< 32 bits whatever the options say (ids, positions)
-  bool lossless = true;               ///< false: DWA may lose some of R, G, B
+  std::string name;                                  ///< "" for the nameless layer: R, G, B
+  std::vector<std::string> channels;                 ///< without the layer's name
+  std::span<const float> pixels;                     ///< width * height * channels, interleaved
+  bool float32 = false;                              ///< 32 bits whatever the options say (ids, positions)
+  bool lossless = true;                              ///< false: DWA may lose some of R, G, B
   std::map<std::string, std::string> metadata = {};  ///< string attributes of the part that it is in, and of the first
 };
 /// Scan-line EXR. One part; with DWAA or DWAB and both kinds of layers two: "color" (DWA) and "data" (ZIP), because DWA takes every

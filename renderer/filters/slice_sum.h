@@ -29,8 +29,8 @@ struct SlicePlane {
 std::string slicedPlane(size_t i);
 
 /// Fold: its inputs are the pictures of the first slice, a plane each, then those of the next. Output: "picture", planes slicedPlane(0), ... Memory: a double
-/// accumulator for each channel of an output (96 bytes a pixel of a Ranked one); all that a slice is made of may go before the next one is made. Samples that outputs of one slice dropped are the same ones:
-/// the most of them count.
+/// accumulator for each channel of an output (96 bytes a pixel of a Ranked one); all that a slice is made of may go before the next one is made. Samples that
+/// outputs of one slice dropped are the same ones: the most of them count.
 NodePtr makeSliceSumNode(std::vector<SlicePlane> outputs, int width, int height, int slices);
 
 struct NamedPlane {

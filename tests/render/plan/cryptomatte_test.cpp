@@ -45,22 +45,22 @@ std::map<uint32_t, double> matteAt(const Image& image, size_t pixel) {
 /// The beauty's alpha is made of the path tracer's rays: with a transparent background what is not hit is what mattes leave.
 TEST(CryptomattePlan, TogetherTheyCoverWhatTheBeautyCovers) {
   const std::string moving = writeAnimatedScene("cryptomatte");
-  const std::vector<std::vector<std::string>> cases{{},
-                                                    {"camera.lens_radius=0.15", "camera.focus_distance=3"},
-                                                    {"integrator.sampler=HALTON"},
-                                                    {"integrator.sampler=INDEPENDENT"},
-                                                    {"integrator.at_view_samples=true", "view_samples=3"},
-                                                    {"integrator.at_view_samples=true", "view_samples=4", "camera.lens_radius=0.15", "camera.focus_distance=3"},
-                                                    {"integrator.at_view_samples=true", "view_samples=4", "integrator.sampler=HALTON"},
-                                                    {"integrator.at_view_samples=true", "view_samples=7", "integrator.sampler=HALTON"},  // 64 are no multiple
-                                                    {"seed=9", "halt.spp=16"},
-                                                    {"camera.clip_near=6.6", "camera.clip_far=8.5"},
-                                                    {"camera.panorama=true"},
-                                                    {"camera.orthographic_height=30"},
-                                                    {"camera.cull_back_faces=true"},
-                                                    {"scene=moving", "camera.shutter_s=0.8", "camera.shutter_slices=4", "halt.spp=64"},
-                                                    {"scene=moving", "camera.shutter_s=0.8", "camera.shutter_slices=4", "halt.spp=64", "camera.lens_radius=0.1",
-                                                     "camera.focus_distance=3"}};
+  const std::vector<std::vector<std::string>> cases{
+      {},
+      {"camera.lens_radius=0.15", "camera.focus_distance=3"},
+      {"integrator.sampler=HALTON"},
+      {"integrator.sampler=INDEPENDENT"},
+      {"integrator.at_view_samples=true", "view_samples=3"},
+      {"integrator.at_view_samples=true", "view_samples=4", "camera.lens_radius=0.15", "camera.focus_distance=3"},
+      {"integrator.at_view_samples=true", "view_samples=4", "integrator.sampler=HALTON"},
+      {"integrator.at_view_samples=true", "view_samples=7", "integrator.sampler=HALTON"},  // 64 are no multiple
+      {"seed=9", "halt.spp=16"},
+      {"camera.clip_near=6.6", "camera.clip_far=8.5"},
+      {"camera.panorama=true"},
+      {"camera.orthographic_height=30"},
+      {"camera.cull_back_faces=true"},
+      {"scene=moving", "camera.shutter_s=0.8", "camera.shutter_slices=4", "halt.spp=64"},
+      {"scene=moving", "camera.shutter_s=0.8", "camera.shutter_slices=4", "halt.spp=64", "camera.lens_radius=0.1", "camera.focus_distance=3"}};
   for (const auto& edits : cases) {
     std::string name;
     for (const std::string& e : edits) name += e + " ";
@@ -68,7 +68,8 @@ TEST(CryptomattePlan, TogetherTheyCoverWhatTheBeautyCovers) {
     const auto engine = makeEngine();
     ASSERT_TRUE(engine->openScene(moving, "moving").ok());
     v1::RenderRequest r = request(edits);
-    for (const char* e : {"outputs=beauty,cryptomatte_object,cryptomatte_material", "environment.constant=1,1,1", "environment.background=TRANSPARENT"}) set(r, e);
+    for (const char* e : {"outputs=beauty,cryptomatte_object,cryptomatte_material", "environment.constant=1,1,1", "environment.background=TRANSPARENT"})
+      set(r, e);
     const RenderResult made = mustRender(*engine, r);
     const Image& beauty = imageOf(made, "beauty");
     ASSERT_EQ(beauty.channels, 4);
@@ -100,7 +101,8 @@ TEST(CryptomattePlan, IdsAreThoseOfTheSceneAndAgreeWithObjectIds) {
   const auto scene = *engine->scene("spheres");
   for (const bool materials : {false, true}) {
     const std::vector<std::string> names = matteNames(*scene, materials ? MatteOf::Materials : MatteOf::Objects);
-    const Image &matte = imageOf(made, materials ? "cryptomatte_material" : "cryptomatte_object"), &number = imageOf(made, materials ? "material_id" : "object_id");
+    const Image &matte = imageOf(made, materials ? "cryptomatte_material" : "cryptomatte_object"),
+                &number = imageOf(made, materials ? "material_id" : "object_id");
     int whole = 0;
     for (size_t p = 0; p < matte.pixels(); ++p) {
       const auto found = matteAt(matte, p);
@@ -158,7 +160,8 @@ TEST(CryptomattePlan, AShutterRanksTheMeanOfItsSlices) {
       EXPECT_NEAR(found[id], share, 5 * std::sqrt(share * (1 - share) / 64) + 1.0 / 64) << p;
       partial += share > 0.01 && share < 0.99;
     }
-    for (int k = 2; k < image.channels; k += 2) EXPECT_LE(image.data[p * size_t(image.channels) + size_t(k) + 1], image.data[p * size_t(image.channels) + size_t(k) - 1]);
+    for (int k = 2; k < image.channels; k += 2)
+      EXPECT_LE(image.data[p * size_t(image.channels) + size_t(k) + 1], image.data[p * size_t(image.channels) + size_t(k) - 1]);
   }
   EXPECT_GT(partial, 50);
 }
@@ -169,7 +172,8 @@ TEST(CryptomattePlan, HalvesHoldNoIds) {
   EXPECT_EQ(refused.code(), Code::InvalidArgument);
   EXPECT_EQ(refused.location(), "request.encoding.format");
   EXPECT_NE(refused.message().find("RAW_HALF: 16 bits do not hold the ids of 'cryptomatte_object'"), std::string::npos) << refused.message();
-  for (const char* format : {"encoding.format=RAW_FLOAT", "encoding.format=PNG", "encoding.half=true"}) EXPECT_TRUE(engine->render(request({format})).ok()) << format;
+  for (const char* format : {"encoding.format=RAW_FLOAT", "encoding.format=PNG", "encoding.half=true"})
+    EXPECT_TRUE(engine->render(request({format})).ok()) << format;
 }
 
 TEST(CryptomattePlan, NamesOfOneIdAreWarnedOf) {
@@ -191,7 +195,7 @@ TEST(CryptomattePlan, NamesOfOneIdAreWarnedOf) {
 
 TEST(CryptomattePlan, BackFacesThatTheCameraPassesAreNotThere) {
   tests::SceneMaker m;
-  const int wall = m.material(Vec3(0.5f), [](Material& k) { k.coverage.doubleSided = false; }), blue = m.material(Vec3(0.5f));
+  const int wall = m.material(Vec3(0.5f), [](Material&k) { k.coverage.doubleSided = false; }), blue = m.material(Vec3(0.5f));
   m.instance(m.mesh(tests::quad(Vec3(1, -1, 1), Vec3(-2, 0, 0), Vec3(0, 2, 0)), wall));  // turned away
   m.instance(m.mesh(tests::sphere(Vec3(0.0f), 0.5f, 12, true), blue));
   m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.5f);

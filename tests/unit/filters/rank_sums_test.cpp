@@ -18,7 +18,8 @@ constexpr uint32_t kA = 0x3f000001, kB = 0x3f000002, kC = 0xbf000003;
 
 TEST(RankSums, AreMeansRankedAnew) {
   RankSums sums(3);
-  const float one[] = {idBits(kA), 0.75f, idBits(kB), 0.25f, 0, 0}, two[] = {idBits(kB), 1.0f, 0, 0, 0, 0}, three[] = {idBits(kC), 0.5f, idBits(kA), 0.5f, 0, 0};
+  const float one[] = {idBits(kA), 0.75f, idBits(kB), 0.25f, 0, 0}, two[] = {idBits(kB), 1.0f, 0, 0, 0, 0},
+              three[] = {idBits(kC), 0.5f, idBits(kA), 0.5f, 0, 0};
   for (const auto& slice : {one, two, three}) sums.add(1, std::span(slice, 6));
   float out[6];
   sums.write(1, 3, out);
