@@ -107,7 +107,7 @@ class Measuring {
       for (const std::string& value : series.values) {
         v1::RenderRequest request = base_;
         if (series.kind != MeasuredSeries::Kind::Sweep) request = truthRequest(base_, m_.reference.by, uint32_t(std::stoul(value)), base_.seed());
-        const std::string place = "series " + series.name + ", " + series.path + "=" + value;
+        const std::string place = (series.name == series.path ? "--sweep " : "series " + series.name + ", ") + series.path + "=" + value;
         const auto placed = [&](const Status& s) { return s.ok() ? s : Status(s.code(), place + ": " + s.message(), s.location()); };
         if (series.kind == MeasuredSeries::Kind::Sweep) {
           for (const std::string& fixed : series.fixed) GOBO_TRY(placed(setPath(request, fixed)));

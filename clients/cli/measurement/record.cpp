@@ -21,6 +21,12 @@ constexpr int kFormatVersion = 1;
 /// JSON has no NaN or infinity.
 Json finite(double v) { return std::isfinite(v) ? Json(v) : Json(nullptr); }
 
+/// Counts stay integers.
+Json number(double v) {
+  if (std::isfinite(v) && v == std::floor(v) && std::fabs(v) < 9e15) return Json(int64_t(v));
+  return finite(v);
+}
+
 Json known(const std::string& text) { return text.empty() ? Json(nullptr) : Json(text); }
 Json known(int count) { return count > 0 ? Json(count) : Json(nullptr); }
 
@@ -99,7 +105,7 @@ Json nodesJson(const std::vector<const MeasuredRun*>& runs) {
     const TimeFigures t = timeFigures(ms[node]);
     out.push_back({{"node", node},
                    {"time_ms", {{"median", finite(t.median)}, {"lower_quartile", finite(t.lowerQuartile)}, {"upper_quartile", finite(t.upperQuartile)}}},
-                   {"rays", quantile(rays[node], 0.5)}});
+                   {"rays", number(quantile(rays[node], 0.5))}});
   }
   return out;
 }
@@ -115,7 +121,7 @@ Json pointJson(const Measurement& m, size_t series, size_t index) {
           {"request_hash", point.requestHash},
           {"samples_per_pixel", f.runs.front()->samples},
           {"time_ms", timeJson(f.time)},
-          {"rays", quantile(rays, 0.5)},
+          {"rays", number(quantile(rays, 0.5))},
           {"rmse", {{"estimate", finite(e.rmse)}, {"low", finite(e.rmseLow)}, {"high", finite(e.rmseHigh)}}},
           {"mse", {{"estimate", finite(e.mse)}, {"standard_error", finite(e.mseStandardError)}, {"low", finite(e.mseLow)}, {"high", finite(e.mseHigh)}}},
           {"rel_mse", {{"estimate", finite(e.relMse)}, {"standard_error", finite(e.relMseStandardError)}}},
@@ -217,9 +223,7 @@ std::string measurementJson(const Measurement& m) {
     const std::vector<Table::Cell> cells = cellsOf(m, *run);
     for (size_t c = 0; c < cells.size(); ++c) {
       const auto* text = std::get_if<std::string>(&cells[c]);
-      const double v = text ? 0 : std::get<double>(cells[c]);
-      // Counts stay integers.
-      row[measurementColumns()[c].name] = text ? Json(*text) : std::isfinite(v) && v == std::floor(v) && std::fabs(v) < 9e15 ? Json(int64_t(v)) : finite(v);
+      row[measurementColumns()[c].name] = text ? Json(*text) : number(std::get<double>(cells[c]));
     }
     runs.push_back(std::move(row));
   }

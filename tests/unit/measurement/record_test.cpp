@@ -80,6 +80,7 @@ TEST(Record, JsonHasTheRowsThePointsAndWhereTheyAreFrom) {
   EXPECT_EQ(point["time_ms"]["least"], 11);
   EXPECT_EQ(point["rmse"]["estimate"], 0.5);
   EXPECT_EQ(point["rays"], 1001);
+  EXPECT_TRUE(point["rays"].is_number_integer());
   EXPECT_EQ(point["warnings"], std::vector<std::string>{"careful"});
   EXPECT_EQ(point["nodes"][0]["node"], "gbuffer");
   EXPECT_EQ(point["nodes"][0]["time_ms"]["median"], 1);
@@ -92,7 +93,8 @@ TEST(Record, JsonHasTheRowsThePointsAndWhereTheyAreFrom) {
 TEST(Record, UnitsFollowTheOutput) {
   Measurement m = example();
   const auto unit = [&](const std::string& name) {
-    for (const auto& column : nlohmann::json::parse(measurementJson(m))["columns"])
+    const auto j = nlohmann::json::parse(measurementJson(m));
+    for (const auto& column : j["columns"])
       if (column["name"] == name) return column["unit"].get<std::string>();
     return std::string("no column");
   };

@@ -78,7 +78,7 @@ TEST(Truth, SettingsOfThePictureAreRefusedByTheirField) {
   for (const auto& [set, field] : std::vector<std::pair<std::string, std::string>>{{"lights.key.gain=1,2,4", "request.lights"},
                                                                                    {"lights.other.enabled=false", "request.lights"},
                                                                                    {"width=65", "request.width"},
-                                                                                   {"camera.fov_y_deg=20", "request.camera"},
+                                                                                   {"camera.yfov_deg=20", "request.camera"},
                                                                                    {"environment.constant=1,1,1", "request.environment"},
                                                                                    {"environment.rotation_deg=4", "request.environment"},
                                                                                    {"time_s=1", "request.time_s"},
