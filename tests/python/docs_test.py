@@ -6,6 +6,7 @@ Run are: every python block of docs/python.md, and elsewhere every fenced sh or 
 top of the repository (links to build, configs, clients, docs, proto) and holds scene.glb (a light "key", a camera "eye"), studio.hdr and
 x.hdr. Python blocks share their names, sh blocks what they export. gobo and gobod are in the PATH, GOBO_SERVER names a daemon.
 """
+import importlib.util
 import os
 import pathlib
 import re
@@ -115,6 +116,11 @@ class Pages(unittest.TestCase):
         self.assertEqual(self.run_page("docs/regression.md"), 1)
         self.assertIn("data:image/png;base64,", (self.folder / "nightly.out/report.html").read_text(encoding="utf-8"))
         self.assertEqual(len((self.folder / "references/accepted.jsonl").read_text(encoding="utf-8").splitlines()), 2)
+
+    @unittest.skipIf(importlib.util.find_spec("matplotlib") is None, "matplotlib is missing: apt install python3-matplotlib (deploy/install-deps does)")
+    def test_measuring_page(self):
+        self.assertEqual(self.run_page("docs/measuring.md"), 1)
+        self.assertIn("data:image/svg+xml;base64,", (self.folder / "figures/box.html").read_text(encoding="utf-8"))
 
     def test_readme(self):
         if self.run_page("README.md") == 0:

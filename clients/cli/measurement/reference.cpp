@@ -30,7 +30,7 @@ Result<TruthBy> truthOf(const std::string& output) {
   return invalidArgument("--output " + output + ": paths or shadow rays give no truth of it; must be one of " + list);
 }
 
-const char* errorUnit(TruthBy by) { return by == TruthBy::Rays ? "1" : "radiance (scene-linear)"; }
+const char* errorUnit(TruthBy by) { return by == TruthBy::Rays ? "1" : "scene-linear radiance"; }
 
 v1::RenderRequest truthRequest(v1::RenderRequest request, TruthBy by, uint32_t samples, uint64_t seed) {
   if (by == TruthBy::Rays) request.mutable_shadows()->mutable_ray_traced()->set_samples(std::clamp(samples, 1u, kMostRays));

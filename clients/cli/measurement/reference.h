@@ -16,7 +16,7 @@ enum class TruthBy { Paths, Rays };
 /// Errors: InvalidArgument: an output that has no such truth (depth, variance, negative_light, ...), naming those that do. What is no output at all is taken
 /// for one of paths: the server refuses it with its list.
 Result<TruthBy> truthOf(const std::string& output);
-/// "radiance (scene-linear)" or "1": of RMSE; squared, of MSE.
+/// "scene-linear radiance" or "1": of RMSE; squared, of MSE.
 const char* errorUnit(TruthBy by);
 
 /// The same view and lights with every approximation taken out: path traced, no lights in the map's place, no denoising, no filters, no certificate; `samples`

@@ -98,8 +98,8 @@ TEST(Record, UnitsFollowTheOutput) {
       if (column["name"] == name) return column["unit"].get<std::string>();
     return std::string("no column");
   };
-  EXPECT_EQ(unit("rmse"), "radiance (scene-linear)");
-  EXPECT_EQ(unit("mse_low"), "(radiance (scene-linear))^2");
+  EXPECT_EQ(unit("rmse"), "scene-linear radiance");
+  EXPECT_EQ(unit("mse_low"), "(scene-linear radiance)^2");
   EXPECT_EQ(unit("time_ms"), "ms");
   m.reference.by = TruthBy::Rays;
   EXPECT_EQ(unit("rmse"), "1");
