@@ -58,9 +58,9 @@ std::string filterNames() {
 
 constexpr const char* kMeasureHelp =
     "Series: --series NAME begins one; one --sweep and any number of --with follow it. A --sweep without --series is a series named by its path.\n"
-    "  gobo measure grids --set integrator.max_bounces=0 --repeats 5 --path-tracing 64 -o m.json \\\n"
-    "    --series rays --with halt.spp=4 --sweep shadows.ray_traced.samples=1,4,16 \\\n"
-    "    --series \"axis aligned\" --with halt.spp=4 --sweep shadows.axis_aligned.pilot=4,9,16\n"
+    "  gobo measure grids --output visibility:key --repeats 5 --path-tracing 64 --out m.json \\\n"
+    "    --series \"axis aligned\" --with shadows.axis_aligned.rate=EQUATION --sweep shadows.axis_aligned.mean_samples=9,16,25 \\\n"
+    "    --series pcss --with shadows.percentage_closer_soft.search_taps=16 --sweep shadows.map.resolution=128,256,512\n"
     "--set and the other options of a request are of all series and of the reference. docs/measuring.md\n";
 
 /// What was given to a command, in its order. Options that hold one value each time (allow_extra_args(false)) stand as often in parse_order().

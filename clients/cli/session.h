@@ -48,7 +48,7 @@ class Session {
   v1::Jobs::Stub& jobs() { return *jobs_; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
   const std::string& address() const { return address_; }  ///< as the user has it; "this process"
-  const std::string& token() const { return token_; }  ///< empty: none
+  const std::string& token() const { return token_; }      ///< empty: none
   /// gRPC's status as ours; "cannot reach" with the address when there is no connection.
   Status statusOf(const grpc::Status& status) const;
 

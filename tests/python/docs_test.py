@@ -120,7 +120,7 @@ class Pages(unittest.TestCase):
     @unittest.skipIf(importlib.util.find_spec("matplotlib") is None, "matplotlib is missing: apt install python3-matplotlib (deploy/install-deps does)")
     def test_measuring_page(self):
         self.assertEqual(self.run_page("docs/measuring.md"), 1)
-        self.assertIn("data:image/svg+xml;base64,", (self.folder / "figures/box.html").read_text(encoding="utf-8"))
+        self.assertIn("data:image/svg+xml;base64,", (self.folder / "figures/grids.html").read_text(encoding="utf-8"))
 
     def test_readme(self):
         if self.run_page("README.md") == 0:

@@ -109,6 +109,16 @@ def _floor(m: Measurement) -> float:
     return min(ends, default=1.0) / 1.5
 
 
+def _label_ticks(axis: Any) -> None:
+    """Of a short logarithmic axis also 2 and 5 have numbers: powers of ten alone would be one or two."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    low, high = axis.get_view_interval()
+    if 0 < low < high < 1000 * low:
+        axis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.6g}"))
+        axis.set_minor_formatter(NullFormatter())
+
+
 def _draw_series(axes: Any, series: Series, against: str, style: "Mapping[str, Any]", floor: float) -> None:
     shown = [p for p in series.points if _abscissa(p, against).estimate > 0]
     xs = [_abscissa(p, against) for p in shown]
@@ -153,6 +163,8 @@ def error_figure(m: Measurement, against: str = "time", colours: "Optional[Mappi
         axes.set_ylim(bottom=floor)
         axes.set_xlabel("time [ms]" if against == "time" else "rays")
         axes.set_ylabel(_error_label(m))
+        for axis in (axes.xaxis, axes.yaxis):
+            _label_ticks(axis)
         if axes.get_legend_handles_labels()[0]:
             axes.legend(fontsize=7, frameon=False)
         return figure
