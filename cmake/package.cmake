@@ -42,7 +42,7 @@ set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-gobo)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_ARCHITECTURE all)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.11), python3-grpcio (>= 1.51), python3-protobuf (>= 3.21), python3-numpy (>= 1:1.21)")
-set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "gobo, python3-xxhash, python3-openimageio")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "gobo, python3-xxhash, python3-openimageio, python3-matplotlib")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA ${CMAKE_SOURCE_DIR}/deploy/debian/python/postinst ${CMAKE_SOURCE_DIR}/deploy/debian/python/prerm)
 set(CPACK_COMPONENT_PYTHON_DESCRIPTION "client of the Gobo rendering server for Python
 Renders, relights, submits jobs and reads pictures as numpy arrays, blocking or

@@ -2,9 +2,11 @@
 #include "command_line.h"
 
 #include <cstdio>
+#include <map>
 #include <sstream>
 
 #include "base/closest.h"
+#include "measurement/provenance.h"
 
 #include <google/protobuf/descriptor.h>
 
@@ -53,6 +55,39 @@ std::string filterNames() {
   std::string text;
   for (int i = 0; i < type->field_count(); ++i) text += (i ? "|" : "") + type->field(i)->name();
   return text;
+}
+
+constexpr const char* kMeasureHelp =
+    "Series: --series NAME begins one; one --sweep and any number of --with follow it. A --sweep without --series is a series named by its path.\n"
+    "  gobo measure grids --output visibility:key --repeats 5 --path-tracing 64 --out m.json \\\n"
+    "    --series \"axis aligned\" --with shadows.axis_aligned.rate=EQUATION --sweep shadows.axis_aligned.mean_samples=9,16,25 \\\n"
+    "    --series pcss --with shadows.percentage_closer_soft.search_taps=16 --sweep shadows.map.resolution=128,256,512\n"
+    "--set and the other options of a request are of all series and of the reference. docs/measuring.md\n";
+
+/// What was given to a command, in its order. Options that hold one value each time (allow_extra_args(false)) stand as often in parse_order().
+std::vector<CommandWord> wordsOf(const CLI::App& app) {
+  std::map<const CLI::Option*, size_t> seen;
+  std::vector<CommandWord> words;
+  for (const CLI::Option* o : app.parse_order()) {
+    const size_t n = seen[o]++;
+    const std::string name = !o->nonpositional() ? "" : o->get_lnames().empty() ? "-" + o->get_snames().front() : "--" + o->get_lnames().front();
+    const bool flag = o->get_items_expected_max() == 0;
+    if (n < o->results().size()) words.push_back({o->get_type_name(), name, flag ? "" : o->results()[n], !flag});
+  }
+  return words;
+}
+
+std::vector<SeriesWord> seriesWords(const CLI::App& app, const CLI::Option* series, const CLI::Option* sweep, const CLI::Option* with) {
+  std::map<const CLI::Option*, size_t> seen;
+  std::vector<SeriesWord> words;
+  for (const CLI::Option* o : app.parse_order()) {
+    const size_t n = seen[o]++;
+    if (n >= o->results().size()) continue;
+    if (o == series) words.push_back({SeriesWord::Kind::Series, o->results()[n]});
+    else if (o == sweep) words.push_back({SeriesWord::Kind::Sweep, o->results()[n]});
+    else if (o == with) words.push_back({SeriesWord::Kind::With, o->results()[n]});
+  }
+  return words;
 }
 
 void addRequestOptions(CLI::App& app, RequestOptions& o, bool scheduling = true) {
@@ -104,6 +139,7 @@ CommandLine::CommandLine() : app("client of the Gobo rendering server", "gobo") 
   addCache();
   addJobs();
   addRegress();
+  addMeasure();
   addTools();
 }
 
@@ -183,7 +219,7 @@ void CommandLine::addRendering() {
   render->add_flag("--plan-all", render_.planAll, kPlanAllHelp);
   render->add_flag("-q,--quiet", render_.quiet, "print errors only");
   addRequestOptions(*render, render_.request);
-  render->footer([] { return styleHelp() + "\n" + kExitHelp; });
+  render->footer([] { return styleHelp(); });  // before the exit codes
 
   CLI::App* plan = command(app, "plan", "what a render would do and take, without doing it", [this] {
     render_.json = json;
@@ -358,6 +394,40 @@ void CommandLine::addRegress() {
       ->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
 }
 
+void CommandLine::addMeasure() {
+  CLI::App* measure = command(app, "measure", "speed against error: series of settings against a path-traced reference", nullptr);
+  value(*measure, "scene", measure_.scene, "SCENE", "file, id or built-in name")->required();
+  auto* series = value(*measure, "--series", seriesNames_, "NAME", "begins a series: the --sweep and --with that follow are its own")->allow_extra_args(false);
+  auto* sweep = value(*measure, "--sweep", sweeps_, "PATH=VALUES", "the points of a series: PATH=V1,V2,... (';' between values that hold commas)")
+                    ->allow_extra_args(false);
+  auto* with = value(*measure, "--with", withs_, "PATH=VALUE", "a field of the request in this series alone; repeat for several (--set: in all series)")
+                   ->allow_extra_args(false);
+  value(*measure, "--path-tracing", measure_.pathTracing, "N",
+        "adds a series of plain path tracing at 1, 2, 4, ... N samples per pixel, of visibility:LIGHT of N shadow rays a view sample")
+      ->check(CLI::Range(1, 1048576).description(""));
+  value(*measure, "--output", measure_.output, "OUTPUT", "what the error is of: beauty (default), direct, indirect, ..., group:LIGHT, visibility:LIGHT");
+  value(*measure, "--reference", measure_.reference, "FILE", "picture taken for the truth instead of rendering it: FILE, or FILE.exr:LAYER");
+  value(*measure, "--reference-spp", measure_.referenceSpp, "N", "samples per pixel of the reference, both halves together; default 1024")
+      ->check(CLI::Range(2, 1048576).description(""));
+  value(*measure, "--repeats", measure_.repeats, "N", "runs of each point, round robin over the points of all series; default 1")
+      ->check(CLI::Range(1, 1000).description(""));
+  measure->add_flag("--cold", measure_.cold, "drop the server's caches before each run");
+  value(*measure, "-o,--out", measure_.out, "FILE", "write everything as JSON: runs, points, requests, machine (python3 -m gobo.report FILE makes figures)");
+  value(*measure, "--csv", measure_.csv, "FILE", "write a row for each run");
+  addRequestOptions(*measure, measure_.request);
+  measure->footer([] { return std::string(kMeasureHelp); });
+  commands_.emplace_back(measure, [this, measure, series, sweep, with] {
+    measure_.json = json;
+    measure_.series = seriesWords(*measure, series, sweep, with);
+    std::vector<CommandWord> words;
+    if (session.local) words.push_back({"", "--local", "", false});
+    if (session.local && session.threads) words.push_back({"N", "--threads", std::to_string(session.threads)});
+    for (CommandWord& word : wordsOf(*measure)) words.push_back(std::move(word));
+    measure_.command = commandText("gobo measure", words);
+    return runMeasure(session, measure_);
+  });
+}
+
 void CommandLine::addTools() {
   CLI::App* compare = command(app, "compare", "error between two pictures (no server needed)", [this] {
     compare_.json = json;
@@ -369,18 +439,6 @@ void CommandLine::addTools() {
   value(*compare, "--scale", compare_.scale, "X", "error at full colour in --diff; default the largest")
       ->check(CLI::Validator(CLI::PositiveNumber).description(""));
   value(*compare, "--max-rmse", compare_.maxRmse, "X", "exit 1 when the RMSE is above this")->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
-
-  CLI::App* measure = command(app, "measure", "speed against error over values of one field", [this] { return runMeasure(session, measure_); });
-  value(*measure, "scene", measure_.scene, "SCENE", "file, id or built-in name")->required();
-  value(*measure, "--sweep", measure_.sweep, "PATH=VALUES", "PATH=V1,V2,... (';' between values that hold commas)")->required();
-  value(*measure, "--reference", measure_.reference, "FILE", "picture taken for the truth instead of rendering it: FILE, or FILE.exr:LAYER");
-  value(*measure, "--reference-spp", measure_.referenceSpp, "N", "samples per pixel of the reference, both halves together; default 1024")
-      ->check(CLI::Range(2, 1048576).description(""));
-  value(*measure, "--repeat", measure_.repeat, "N", "renders per point; the median time counts")->check(CLI::Range(1, 1000).description(""));
-  measure->add_flag("--cold", measure_.cold, "drop the server's caches before each render");
-  value(*measure, "--csv", measure_.csv, "FILE", "write the points");
-  value(*measure, "--plot", measure_.plot, "FILE", "write a log-log plot (PNG)");
-  addRequestOptions(*measure, measure_.request);
 
   CLI::App* occlusion = command(app, "occlusion", "visibility of one light along a row or column of the picture, by several shadow techniques and by rays",
                                 [this] { return runOcclusion(session, occlusion_); });

@@ -37,6 +37,7 @@ class CommandLine {
   void addServer();
   void addCache();
   void addJobs();
+  void addMeasure();
   void addTools();
   void addRegress();
 
@@ -56,7 +57,7 @@ class CommandLine {
   JobSubmitCommand submit_;
   JobFetchCommand fetch_;
   std::string source_, name_, scene_, shell_, job_;
-  std::vector<std::string> jobs_, states_;
+  std::vector<std::string> jobs_, states_, seriesNames_, sweeps_, withs_;
   std::string jobPriority_;
   bool disk_ = false;
 };

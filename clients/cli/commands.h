@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "measurement/series.h"
 #include "session.h"
 
 namespace gobo::cli {
@@ -73,12 +74,16 @@ struct CompareCommand {
 int runCompare(const CompareCommand& command);
 
 struct MeasureCommand {
-  std::string scene, sweep, csv, plot;
-  std::string reference;  ///< FILE or FILE.exr:LAYER instead of a rendered one
+  std::string scene, out, csv;
+  std::string output = "beauty";   ///< what the error is of
+  std::vector<SeriesWord> series;  ///< --series, --sweep and --with in their order
+  uint32_t pathTracing = 0;        ///< most samples of the plain series; 0: none
+  std::string reference;           ///< FILE or FILE.exr:LAYER instead of a rendered one
   RequestOptions request;
   uint32_t referenceSpp = 1024;  ///< both halves together
-  uint32_t repeat = 1;
-  bool cold = false;
+  uint32_t repeats = 1;
+  bool cold = false, json = false;
+  std::string command;  ///< as it can be typed on another machine
 };
 int runMeasure(const SessionOptions& session, const MeasureCommand& command);
 

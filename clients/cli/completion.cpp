@@ -245,7 +245,7 @@ void offerTechniques(Candidates& out) {
 void offerValue(const std::string& type, const Context& c, Candidates& out) {
   if (type == "SCENE") offerScenes(c, out, true);
   else if (type == "LOADED") offerScenes(c, out, false);
-  else if (type == "OUTPUTS") offerOutputs(c, out);
+  else if (type == "OUTPUTS" || type == "OUTPUT") offerOutputs(c, out);
   else if (type == "LIGHT") offerLights(c, out);
   else if (type == "TECHNIQUES") offerTechniques(out);
   else if (type == "PATH=VALUE" || type == "PATH=VALUES") offerPaths(c, out);

@@ -49,7 +49,8 @@ class Session {
   v1::Jobs::Stub& jobs() { return *jobs_; }
   v1::Farm::Stub& farm() { return *farm_; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
-  const std::string& token() const { return token_; }  ///< empty: none
+  const std::string& address() const { return address_; }  ///< as the user has it; "this process"
+  const std::string& token() const { return token_; }      ///< empty: none
   /// gRPC's status as ours; "cannot reach" with the address when there is no connection.
   Status statusOf(const grpc::Status& status) const;
 

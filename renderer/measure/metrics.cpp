@@ -124,6 +124,7 @@ Result<HalvesError> errorAgainstHalves(const Image& picture, const Image& halfA,
   const double positive = std::max(mse.mean, 0.0);
   out.mse = mse.mean;
   out.standardError = mse.standardError;
+  out.mseLow = mse.low, out.mseHigh = mse.high;
   out.rmse = std::sqrt(positive);
   out.rmseStandardError = std::sqrt(positive + mse.standardError) - out.rmse;
   out.relMse = rel.mean;

@@ -36,6 +36,7 @@ std::vector<uint8_t> penumbraMask(const Image& truth, float low = 0.02f, float h
 
 struct HalvesError {
   double mse = 0, standardError = 0;           ///< mean((A-p)(B-p)), unbiased though the halves are noisy; se over pixels
+  double mseLow = 0, mseHigh = 0;              ///< 95 % interval (measure/confidence.h, meanInterval), at least 0
   double rmse = 0, rmseStandardError = 0;      ///< sqrt(max(mse,0)); its se is sqrt(m + se) - sqrt(m), about se / (2 rmse)
   double relMse = 0, relMseStandardError = 0;  ///< measure/halves.h: leaning; the se includes its distance to the jackknife
   size_t nonFinite = 0;                        ///< pixels with a NaN or Inf in any of the three: left out

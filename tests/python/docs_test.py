@@ -6,6 +6,7 @@ Run are: every python block of docs/python.md, and elsewhere every fenced sh or 
 top of the repository (links to build, configs, clients, docs, proto) and holds scene.glb (a light "key", a camera "eye"), studio.hdr and
 x.hdr. Python blocks share their names, sh blocks what they export. gobo and gobod are in the PATH, GOBO_SERVER names a daemon.
 """
+import importlib.util
 import os
 import pathlib
 import re
@@ -123,6 +124,11 @@ class Pages(unittest.TestCase):
     def test_farm_page(self):
         self.assertEqual(self.run_page("docs/farm.md"), 1)
         self.assertEqual(len(list((self.folder / "shots").glob("*.exr"))), 8)
+
+    @unittest.skipIf(importlib.util.find_spec("matplotlib") is None, "matplotlib is missing: apt install python3-matplotlib (deploy/install-deps does)")
+    def test_measuring_page(self):
+        self.assertEqual(self.run_page("docs/measuring.md"), 1)
+        self.assertIn("data:image/svg+xml;base64,", (self.folder / "figures/grids.html").read_text(encoding="utf-8"))
 
     def test_readme(self):
         if self.run_page("README.md") == 0:

@@ -38,16 +38,17 @@ from .v1.render_pb2 import Progress, RenderRequest
 from .wire import Tls
 
 if TYPE_CHECKING:
-    from . import aio, widget
+    from . import aio, measurement, report, widget
 
 __all__ = ["Aborted", "AlreadyExists", "Blob", "Blobs", "Camera", "Cancellation", "Cancelled", "Certificate", "Client", "Daemon", "DataLoss", "DeadlineExceeded", "Error",
            "FailedPrecondition", "FrameState", "Image", "Internal", "InvalidArgument", "Job", "JobState", "Jobs", "LightInfo", "Node", "NotFound",
            "OutOfRange", "PermissionDenied", "Progress", "Progressive", "RenderRequest", "RequestFields", "ResourceExhausted", "Result", "Scene", "Scenes",
-           "Session", "Stream", "Tls", "Unauthenticated", "Unavailable", "Unimplemented", "aio", "blob", "camera", "connect", "exr", "local", "schema", "widget"]
+           "Session", "Stream", "Tls", "Unauthenticated", "Unavailable", "Unimplemented", "aio", "blob", "camera", "connect", "exr", "local", "measurement", "report",
+           "schema", "widget"]
 
 
 def __getattr__(name: str) -> Any:
-    """`gobo.aio` and `gobo.widget` are imported when they are first used."""
-    if name in ("aio", "widget"):
+    """`gobo.aio`, `gobo.measurement`, `gobo.report` and `gobo.widget` are imported when they are first used."""
+    if name in ("aio", "measurement", "report", "widget"):
         return importlib.import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
