@@ -100,6 +100,8 @@ void settle(Message& m, const ScriptedCall& call, size_t at) {
     if (open->name().rfind(privatePrefix(call.client), 0) == 0) open->clear_share();
   } else if (auto* const pin = dynamic_cast<v1::PinTermsRequest*>(&m)) {
     if (!pin->has_which() && !(call.how & 0x08)) pin->mutable_which()->set_type("*");
+  } else if (auto* const place = dynamic_cast<v1::PrioritizeJobRequest*>(&m)) {
+    if (!place->priority() && !(call.how & 0x08)) place->set_priority(v1::JobSpec::HIGH);
   } else if (auto* const spec = dynamic_cast<v1::JobSpec*>(&m)) {
     v1::FrameRange* const frames = spec->has_frames() ? spec->mutable_frames() : nullptr;
     while (frames && frames->numbers_size() > 3) frames->mutable_numbers()->RemoveLast();
