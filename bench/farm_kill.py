@@ -139,8 +139,7 @@ def throughput(args):
             # Frames that differ, or what one left in a worker's store would serve the next.
             name = json.loads(farm.gobo("--json", "jobs", "submit", "cornell", "--frames", "1-32", "--fps", "24", "--size", "160x120", "--spp", "64",
                                         "--formula", "camera.yfov_deg=40 + 4*time", "--key", "speed").stdout)["id"]
-            while farm.job(name)["state"] not in ("DONE", "FAILED"):
-                time.sleep(0.02)
+            farm.gobo("jobs", "watch", name)
             took = time.monotonic() - begun
             print(f"{workers} workers: 32 frames in {took:.2f} s, {32 / took:.1f} frames/s on {os.cpu_count()} cores")
             farm.end()

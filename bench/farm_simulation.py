@@ -4,7 +4,7 @@
 exponentially distributed time, holds its lease every third of it, sends its picture and completes; calls to the coordinator that touch the store wait for
 each other (its writes are one after the other), pictures share its network and disk.
 
-    bench/farm_simulation.py [--write-ms 4.5] [--hold-ms 4.5] [--cpu-ms 1.5] [--cores 2] [--picture-mb 8] [--net-mb-s 1200] [--disk-mb-s 800] [--lease-s 30]
+    bench/farm_simulation.py [--write-ms 1.9] [--hold-ms 1.1] [--cpu-ms 1] [--cores 2] [--picture-mb 8] [--net-mb-s 1200] [--disk-mb-s 170] [--lease-s 30]
 
 Prints, for numbers of workers and mean render times, how many frames a second come, the share of the workers' time that is rendering, how long a claim
 waits, and how late the latest renewal is (above two thirds of the lease, leases run out).
@@ -78,13 +78,13 @@ def simulate(a, workers, render_s, seconds, seed):
 
 def main():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--write-ms", type=float, default=4.5, help="of a claim or a completion in the store")
-    p.add_argument("--hold-ms", type=float, default=4.5, help="of a renewal")
-    p.add_argument("--cpu-ms", type=float, default=1.5, help="of any call on a core of the coordinator, beside the store")
+    p.add_argument("--write-ms", type=float, default=1.9, help="of a claim or a completion in the store")
+    p.add_argument("--hold-ms", type=float, default=1.1, help="of a renewal")
+    p.add_argument("--cpu-ms", type=float, default=1.0, help="of any call on a core of the coordinator, beside the store")
     p.add_argument("--cores", type=int, default=2)
     p.add_argument("--picture-mb", type=float, default=8)
     p.add_argument("--net-mb-s", type=float, default=1200)
-    p.add_argument("--disk-mb-s", type=float, default=800)
+    p.add_argument("--disk-mb-s", type=float, default=170)
     p.add_argument("--lease-s", type=float, default=30)
     p.add_argument("--seconds", type=float, default=1200)
     p.add_argument("--workers", default="10,100,300,1000,3000")
