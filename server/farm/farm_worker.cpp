@@ -146,7 +146,10 @@ Status FarmWorker::attendOnce() {
   uint64_t steered = 0;
   while (reader->Read(&news)) {
     if (link_.id().empty()) {
-      if (news.worker().empty()) break;
+      if (news.worker().empty()) {  // no coordinator of this build
+        context.TryCancel();
+        break;
+      }
       steered = news.steered();
       {
         const std::lock_guard lock(link_.mutex);
