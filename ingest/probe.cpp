@@ -66,7 +66,7 @@ Status probe(const std::string& what) {
   if (what == "sleep")
     for (;;) ::usleep(100000);
   if (what == "allocate")
-    for (void* volatile hoard;;) hoard = ::operator new(64u << 20);  // none of it touched: pages are dear on some machines, and time has a limit too
+    for ([[maybe_unused]] void* volatile hoard;;) hoard = ::operator new(64u << 20);  // none of it touched: pages are dear, and time is bounded too
   if (what == "write") {
     const std::vector<char> block(1 << 20, 'x');
     while (writeAll(kOutput, block.data(), block.size())) {}
