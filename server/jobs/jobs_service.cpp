@@ -168,7 +168,7 @@ grpc::Status JobsService::Retry(grpc::ServerContext* c, const v1::RetryJobReques
   return steer(
       *c, "retry", r->id(),
       [&](const JobRecord& record) -> Status {
-        GOBO_TRY(core_.durable->scenes().keepAgain(record));
+        if (record.job.state() != v1::Job::DONE) GOBO_TRY(core_.durable->scenes().keepAgain(record));  // a done one has nothing to render
         return core_.durable->store().retry(record.id);
       },
       reply);

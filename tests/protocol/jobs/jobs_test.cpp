@@ -43,6 +43,22 @@ struct JobsTest : ServerTest {
     bound(context);
     return (jobs.get()->*method)(&context, request, &reply);
   }
+  /// As scene "mine".
+  void uploadTriangle() {
+    const std::string bytes = triangleGlb();
+    grpc::ClientContext context;
+    bound(context);
+    v1::SceneInfo info;
+    auto writer = scenes->Upload(&context, &info);
+    v1::UploadSceneRequest u;
+    u.set_name("mine");
+    u.set_extension(".GLB");
+    u.set_total_bytes(bytes.size());
+    u.set_data(bytes);
+    writer->Write(u);
+    writer->WritesDone();
+    ASSERT_TRUE(writer->Finish().ok());
+  }
   v1::Job get(const std::string& id) {
     v1::GetJobRequest r;
     r.set_id(id);
@@ -285,20 +301,32 @@ TEST_F(JobsTest, AShutdownReleasesAndTheNextServerGoesOn) {
   EXPECT_EQ(got.bytes[0], renderOnce(s.request()).images[0]);
 }
 
+TEST_F(JobsTest, ARetryNeedsTheUploadAgain) {
+  uploadTriangle();
+  v1::JobSpec s = spec(4);
+  s.mutable_request()->set_scene("mine");
+  const std::string done = submit(s).id();
+  ASSERT_TRUE(eventually([&] { return jobIsOver(get(done).state()); }));
+  s.mutable_request()->mutable_halt()->set_spp(1 << 20);
+  const std::string cancelled = submit(s).id();
+  v1::CancelJobRequest c;
+  c.set_id(cancelled);
+  v1::Job job;
+  ASSERT_TRUE(call(&v1::Jobs::Stub::Cancel, c, job).ok());
+  std::filesystem::remove_all(folder + "/jobs/scenes");
+  v1::RetryJobRequest retry;
+  retry.set_id(cancelled);
+  const grpc::Status gone = call(&v1::Jobs::Stub::Retry, retry, job);
+  EXPECT_EQ(gone.error_code(), grpc::FAILED_PRECONDITION);
+  EXPECT_NE(gone.error_message().find("upload it and submit the job again"), std::string::npos) << gone.error_message();
+  EXPECT_EQ(get(cancelled).state(), v1::Job::CANCELLED);
+  retry.set_id(done);
+  EXPECT_TRUE(call(&v1::Jobs::Stub::Retry, retry, job).ok()) << "nothing of it is left to render";
+  EXPECT_EQ(job.state(), v1::Job::DONE);
+}
+
 TEST_F(JobsTest, AnUploadedSceneOutlivesTheServer) {
-  const std::string bytes = triangleGlb();
-  grpc::ClientContext context;
-  bound(context);
-  v1::SceneInfo info;
-  auto writer = scenes->Upload(&context, &info);
-  v1::UploadSceneRequest u;
-  u.set_name("mine");
-  u.set_extension(".GLB");
-  u.set_total_bytes(bytes.size());
-  u.set_data(bytes);
-  writer->Write(u);
-  writer->WritesDone();
-  ASSERT_TRUE(writer->Finish().ok());
+  uploadTriangle();
   v1::JobSpec s = spec(16);
   s.mutable_request()->set_scene("mine");
   s.mutable_request()->mutable_environment()->mutable_constant()->set_x(1);
