@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "gobo/v1/farm.grpc.pb.h"
+#include "latencies.h"
 #include "server/encode.h"
 #include "server/farm/messages.h"
 #include "server/farm/numeric_class.h"
@@ -26,13 +27,8 @@ namespace {
 
 using FarmClock = std::chrono::steady_clock;
 
-double since(FarmClock::time_point from) { return std::chrono::duration<double, std::milli>(FarmClock::now() - from).count(); }
-
-double quantileOf(std::vector<double>& v, double q) {
-  if (v.empty()) return 0;
-  std::sort(v.begin(), v.end());
-  return v[std::min(v.size() - 1, size_t(q * double(v.size())))];
-}
+using bench::millisSince;
+using bench::quantile;
 
 struct Times {
   std::vector<double> claim, hold, put, complete;
@@ -60,11 +56,11 @@ void play(const std::string& address, int number, double seconds, size_t bytes, 
   const auto timed = [](std::vector<double>& out, const auto& call) {
     const auto from = FarmClock::now();
     const grpc::Status status = call();
-    out.push_back(since(from));
+    out.push_back(millisSince(from));
     if (!status.ok()) std::printf("%s\n", status.error_message().c_str()), std::abort();
   };
   std::string picture(bytes, 'p');
-  for (uint64_t n = 0; since(begun) < seconds * 1e3; ++n) {
+  for (uint64_t n = 0; millisSince(begun) < seconds * 1e3; ++n) {
     v1::ClaimRequest claim;
     claim.set_worker(first.worker());
     v1::ClaimReply frame;
@@ -169,12 +165,12 @@ int main(int argc, char** argv) {
     const auto begun = FarmClock::now();
     for (int i = 0; i < n; ++i) threads.emplace_back([&, i] { play((*server)->addresses()[0], i, seconds, bytes, begun, times[size_t(i)]); });
     for (auto& t : threads) t.join();
-    const double took = since(begun) * 1e-3;
+    const double took = millisSince(begun) * 1e-3;
     Times all;
     for (const Times& t : times) all.add(t);
-    std::printf("%7d  %9.2f %7.1f  %9.2f %7.1f  %9.2f %7.1f  %9.2f %7.1f  %9.1f\n", n, quantileOf(all.claim, 0.5), quantileOf(all.claim, 0.99),
-                quantileOf(all.hold, 0.5), quantileOf(all.hold, 0.99), quantileOf(all.put, 0.5), quantileOf(all.put, 0.99), quantileOf(all.complete, 0.5),
-                quantileOf(all.complete, 0.99), double(all.complete.size()) / took);
+    std::printf("%7d  %9.2f %7.1f  %9.2f %7.1f  %9.2f %7.1f  %9.2f %7.1f  %9.1f\n", n, quantile(all.claim, 0.5), quantile(all.claim, 0.99),
+                quantile(all.hold, 0.5), quantile(all.hold, 0.99), quantile(all.put, 0.5), quantile(all.put, 0.99), quantile(all.complete, 0.5),
+                quantile(all.complete, 0.99), double(all.complete.size()) / took);
     std::fflush(stdout);
   }
   (*server)->shutdown(1);

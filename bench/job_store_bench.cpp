@@ -13,6 +13,7 @@
 #include <functional>
 #include <thread>
 
+#include "latencies.h"
 #include "server/jobs/postgres_job_store.h"
 #include "server/jobs/sqlite_job_store.h"
 #include "support/postgres_server.h"
@@ -24,13 +25,7 @@ namespace {
 using Store = std::unique_ptr<SqlJobStore>;
 using BenchClock = std::chrono::steady_clock;
 
-double millis(BenchClock::time_point from) { return std::chrono::duration<double, std::milli>(BenchClock::now() - from).count(); }
-
-double quantile(std::vector<double>& v, double q) {
-  if (v.empty()) return 0;
-  std::sort(v.begin(), v.end());
-  return v[std::min(v.size() - 1, size_t(q * double(v.size())))];
-}
+using bench::quantile;
 
 void fill(SqlJobStore& store, int frames, int jobs) {
   for (int j = 0; j < jobs; ++j) {
@@ -52,19 +47,19 @@ void race(const char* name, const std::function<Store()>& open, int connections,
   std::vector<std::thread> threads;
   for (size_t i = 0; i < stores.size(); ++i)
     threads.emplace_back([&, i] {
-      while (millis(begun) < seconds * 1e3) {
+      while (bench::millisSince(begun) < seconds * 1e3) {
         auto t = BenchClock::now();
         const auto lease = stores[i]->claim("w", 300);
         if (!lease.ok()) std::printf("%s\n", lease.status().toString().c_str());
         if (!lease.ok() || !*lease) return;
-        claims[i].push_back(millis(t));
+        claims[i].push_back(bench::millisSince(t));
         t = BenchClock::now();
         if (!stores[i]->complete(**lease, {}, 1).ok()) return;
-        ends[i].push_back(millis(t));
+        ends[i].push_back(bench::millisSince(t));
       }
     });
   for (auto& t : threads) t.join();
-  const double took = millis(begun) / 1e3;
+  const double took = bench::millisSince(begun) / 1e3;
   std::vector<double> claim, end;
   for (size_t i = 0; i < claims.size(); ++i) {
     claim.insert(claim.end(), claims[i].begin(), claims[i].end());
