@@ -31,7 +31,7 @@ Result<int> postgresStoreVersion(Postgres& db) {
   const int version = std::atoi(text.c_str());
   if (version < 1 || version > PostgresJobStore::kVersion)
     return Status(Code::FailedPrecondition,
-                  strf("job store has schema version %d, this build reads version %d: start the newer release, or name another database", version,
+                  strf("job store has schema version %d, this build reads versions 1 to %d: start the newer release, or name another database", version,
                        PostgresJobStore::kVersion),
                   db.name());
   return version;
@@ -70,9 +70,11 @@ Status PostgresJobStore::migrate() {
       GOBO_ASSIGN(const std::string schemas, db_.exec("SELECT count(*) FROM pg_namespace WHERE nspname = 'gobo'"));
       if (schemas == "0") GOBO_TRY(db_.exec("CREATE SCHEMA gobo").status());  // an administrator may have made it
       GOBO_TRY(db_.exec(kPostgresSchema).status());
+      GOBO_TRY(db_.exec(kPostgresVersion2).status());
       GOBO_TRY(db_.exec("INSERT INTO identity VALUES('" + newStoreIdentity() + "')").status());
       return {};
     }
+    if (version == 1) GOBO_TRY(db_.exec(kPostgresVersion2).status());
     // Transaction numbers begin again in a database that was dumped and restored; revisions go on.
     return db_
         .exec(

@@ -22,7 +22,7 @@ namespace gobo {
 
 class PostgresJobStore final : public SqlJobStore {
  public:
-  static constexpr int kVersion = 1;
+  static constexpr int kVersion = 2;
   static constexpr const char* kChannel = "gobo_jobs";  ///< NOTIFY: "work", "steered"
 
   /// Makes the schema where there is none (options.create). Errors: Unavailable when the server cannot be reached; DataLoss when there is no

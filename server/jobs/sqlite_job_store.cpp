@@ -16,7 +16,7 @@ namespace gobo {
 
 namespace {
 
-constexpr int kSqliteVersion = 2;
+constexpr int kSqliteVersion = 3;
 // States are the numbers of v1.Job.State and v1.Frame.State. revision: of the store when the row last changed.
 constexpr double kClockEvery = 60;  // seconds that a restart of the machine may take from the age of results
 constexpr const char* kSchema = R"(
@@ -58,6 +58,23 @@ CREATE TABLE unowned(first INTEGER NOT NULL, last INTEGER NOT NULL);
 ALTER TABLE job ADD COLUMN ended_uptime REAL NOT NULL DEFAULT 0;
 UPDATE task SET expires = 0, ready = 0;
 PRAGMA user_version = 2;
+)";
+// What version 3 added: parts of frames, jobs that wait for others, the log.
+constexpr const char* kVersion3 = R"(
+ALTER TABLE job ADD COLUMN parts INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE task ADD COLUMN whole INTEGER;
+ALTER TABLE task ADD COLUMN waits INTEGER NOT NULL DEFAULT 0;
+DROP INDEX task_queued;
+CREATE INDEX task_queued ON task(job, idx) WHERE state = 1 AND waits = 0;
+CREATE TABLE depend(
+  job INTEGER NOT NULL REFERENCES job(id) ON DELETE CASCADE, needs INTEGER NOT NULL REFERENCES job(id) ON DELETE CASCADE,
+  PRIMARY KEY(job, needs)) WITHOUT ROWID;
+CREATE INDEX depend_needs ON depend(needs);
+CREATE TABLE log(
+  seq INTEGER PRIMARY KEY AUTOINCREMENT, job INTEGER NOT NULL REFERENCES job(id) ON DELETE CASCADE, idx INTEGER, at REAL NOT NULL, kind INTEGER NOT NULL,
+  holder TEXT NOT NULL DEFAULT '', error_code INTEGER NOT NULL DEFAULT 0, error TEXT NOT NULL DEFAULT '', seconds REAL NOT NULL DEFAULT 0);
+CREATE INDEX log_job ON log(job, seq);
+PRAGMA user_version = 3;
 )";
 
 std::string bootId() {
@@ -104,10 +121,14 @@ Status SqliteJobStore::migrate() {
           path_};
     if (tables != "0" && (ours != "3" || version < 1)) return {Code::FailedPrecondition, "is a database, but no job store", path_};
     if (version == kSqliteVersion && tables != "0") return {};
-    if (version == 1 && tables != "0") return db_.exec(kVersion2);
+    if (tables != "0") {
+      if (version == 1) GOBO_TRY(db_.exec(kVersion2));
+      return db_.exec(kVersion3);
+    }
     if (!options_.create) return {Code::DataLoss, "job store is empty", path_};
     GOBO_TRY(db_.exec(kSchema));
     GOBO_TRY(db_.exec(kVersion2));
+    GOBO_TRY(db_.exec(kVersion3));
     return db_.exec("INSERT INTO identity VALUES('" + newStoreIdentity() + "')");
   });
 }

@@ -219,11 +219,11 @@ TEST_F(Crash, ADamagedOrForeignFileIsRefusedNotReplaced) {
   {
     Sqlite db;
     ASSERT_TRUE(db.open(path(), 1).ok());
-    ASSERT_TRUE(db.exec("PRAGMA user_version = 3; CREATE TABLE other(x)").ok());
+    ASSERT_TRUE(db.exec("PRAGMA user_version = 4; CREATE TABLE other(x)").ok());
   }
   opened = SqliteJobStore::open(path(), options);
   EXPECT_EQ(opened.status().code(), Code::FailedPrecondition) << opened.status().toString();
-  EXPECT_NE(opened.status().message().find("version 3"), std::string::npos);
+  EXPECT_NE(opened.status().message().find("version 4"), std::string::npos);
 }
 
 }  // namespace

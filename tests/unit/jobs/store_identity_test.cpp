@@ -187,7 +187,9 @@ TEST_F(Identity, AFolderOfVersionOneIsTakenOver) {
     // As version 1 left it: times of the wall clock, no identity.
     Sqlite db;
     ASSERT_TRUE(db.open(database(), 1).ok());
-    ASSERT_TRUE(db.exec("DROP TABLE identity; DROP TABLE clock; DROP TABLE unowned; ALTER TABLE job DROP COLUMN ended_uptime;"
+    ASSERT_TRUE(db.exec("DROP TABLE log; DROP TABLE depend; DROP INDEX task_queued; ALTER TABLE task DROP COLUMN waits; ALTER TABLE task DROP COLUMN whole;"
+                        "ALTER TABLE job DROP COLUMN parts; CREATE INDEX task_queued ON task(job, idx) WHERE state = 1;"
+                        "DROP TABLE identity; DROP TABLE clock; DROP TABLE unowned; ALTER TABLE job DROP COLUMN ended_uptime;"
                         "UPDATE task SET expires = 1.9e9, ready = 1.9e9; PRAGMA user_version = 1")
                     .ok());
   }
