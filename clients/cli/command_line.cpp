@@ -329,6 +329,8 @@ void CommandLine::addJobs() {
   value(*submit, "--job-deadline", submit_.deadlineSeconds, "SECONDS", "the job fails when it is not done by then")
       ->check(CLI::Validator(CLI::PositiveNumber).description(""));
   value(*submit, "--max-attempts", submit_.attempts, "N", "of each frame; default 3")->check(CLI::Range(1, 100).description(""));
+  value(*submit, "--tile-px", submit_.tile, "N", "render each frame in squares of this side, by several workers; whole if absent")
+      ->check(CLI::Range(16, 16384).description(""));
   submit->add_flag("--watch", submit_.watch, "then watch it");
   addRequestOptions(*submit, submit_.request, false);
 

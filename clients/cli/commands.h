@@ -146,7 +146,7 @@ struct JobSubmitCommand {
   RequestOptions request;
   std::string format;  ///< of the files; empty: EXR
   double fps = 0, deadlineSeconds = 0;
-  uint32_t attempts = 0;
+  uint32_t attempts = 0, tile = 0;
   bool watch = false;
 };
 struct JobFetchCommand {

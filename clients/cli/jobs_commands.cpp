@@ -52,6 +52,11 @@ std::string uniqueKey() {
   return key;
 }
 
+std::string doneText(const v1::Frame& f) {
+  const std::string done = strf("%.0f %%", 100 * f.progress());
+  return f.parts() ? strf("%u of %u parts, ", f.parts_done(), f.parts()) + done : done;
+}
+
 void printJob(const v1::Job& job) {
   std::printf("%s  %s  %s  %.0f %%  %llu of %llu frames%s\n", escaped(job.id()).c_str(), escaped(job.spec().name()).c_str(), stateOf(job).c_str(),
               100 * job.progress(), static_cast<unsigned long long>(job.frames_done()), static_cast<unsigned long long>(job.frames_total()),
@@ -65,7 +70,7 @@ void printJob(const v1::Job& job) {
   for (const v1::Frame& f : job.frames()) {
     std::string files = f.has_error() ? "error: " + escaped(f.error().message()) : "";
     for (const v1::FrameFile& file : f.files()) files += (files.empty() ? "" : " ") + escaped(file.name());
-    rows.push_back({std::to_string(f.frame()), lower(v1::Frame::State_Name(f.state())), strf("%.0f %%", 100 * f.progress()), std::to_string(f.spp()),
+    rows.push_back({std::to_string(f.frame()), lower(v1::Frame::State_Name(f.state())), doneText(f), std::to_string(f.spp()),
                     std::to_string(f.attempts()), strf("%.1f", f.seconds()), files});
   }
   printTable({"frame", "state", "done", "spp", "attempts", "s", "files"}, rows, {true, false, true, true, true, true, false});
@@ -313,6 +318,7 @@ int runJobSubmit(const SessionOptions& options, const JobSubmitCommand& c, bool 
     if (c.deadlineSeconds > 0)
       spec.set_deadline_unix_s(std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count() + c.deadlineSeconds);
     if (c.attempts) spec.set_max_attempts(c.attempts);
+    if (c.tile) spec.set_tile_px(c.tile);
     v1::Job job;
     {
       Session::Call call(session);

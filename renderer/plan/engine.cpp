@@ -21,6 +21,7 @@
 #include "plan/mapped_guard.h"
 #include "plan/outliers.h"
 #include "plan/outputs.h"
+#include "plan/picture_warnings.h"
 #include "plan/planner.h"
 #include "plan/remembered_renders.h"
 #include "plan/scene_library.h"
@@ -445,19 +446,10 @@ namespace {
 
 /// Files say candela and lux, and are read as W/sr and W/m^2: one that means what it says is 683 times too bright, more than nine stops.
 void warnOfPhotometricLights(const Plan& plan, RenderResult& result) {
-  constexpr double kFarTooBright = 8.0;  // log-average luminance: two stops beyond what an exposure is chosen for
   if (!plan.effective.asInFile) return;
   for (const RenderedImage& image : result.images) {
     if (image.output != "beauty") continue;
-    const std::optional<ChosenExposure> chosen = chooseExposure(image.image());
-    if (!chosen || !(chosen->luminance > kFarTooBright)) return;
-    char text[240];
-    std::snprintf(
-        text, sizeof text,
-        "the log-average luminance of beauty is %.3g: if the scene file's point, spot and directional lights are in candela and lux, request.photometric = "
-        "true divides them by 683",
-        chosen->luminance);
-    result.reply.add_warnings(text);
+    if (const std::string warning = photometricWarning(image.image()); !warning.empty()) result.reply.add_warnings(warning);
     return;
   }
 }
@@ -515,10 +507,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const Prepa
   reply.set_build(buildVersion());
   for (const std::string& w : plan->warnings) reply.add_warnings(w);
   for (const RenderedImage& image : result.images) {
-    const DroppedTotal dropped = image.dropped();
-    if (dropped.samples > 0)
-      reply.add_warnings(image.output + ": " + std::to_string(dropped.samples) + " samples in " + std::to_string(dropped.elements) +
-                         " pixels had a part beyond what a 32-bit float holds and count as black");
+    if (const std::string warning = droppedWarning(image.output, image.dropped()); !warning.empty()) reply.add_warnings(warning);
   }
   warnOfPhotometricLights(*plan, result);
   for (const std::string& m : plan->missing) reply.add_path_classes_missing(m);

@@ -143,6 +143,9 @@ Status FarmService::claim(const v1::ClaimRequest& request, v1::ClaimReply& reply
     *reply.mutable_job() = std::move(record.job);
     reply.set_environment_sha256(record.environmentDigest);
     for (const CheckpointRow& row : rows) *reply.add_checkpoints() = toMessage(row);
+    if (record.parts == 0) return {};
+    GOBO_ASSIGN(const auto parts, store().parts(lease->task));
+    *reply.mutable_parts() = {parts.begin(), parts.end()};
     return {};
   };
   if (const Status status = fill(); !status.ok()) {
@@ -211,7 +214,9 @@ Status FarmService::complete(const v1::CompletionReport& report) {
     if (::stat(files().resultPath(lease.task.job, f.sha256()).c_str(), &info) != 0 || uint64_t(info.st_size) != f.bytes())
       return invalidArgument("file " + f.sha256() + " of output " + escaped(f.output().substr(0, 80)) + " was not put", "files");
   }
+  GOBO_ASSIGN(const auto parts, store().parts(lease.task));
   GOBO_TRY(store().complete(lease, {report.files().begin(), report.files().end()}, report.seconds()));
+  for (const v1::FrameFile& part : parts) files().remove(files().resultPath(lease.task.job, part.sha256()));
   files().removeCheckpoints(lease.task);
   book_.ended(lease.task, lease.token, WorkerBook::End::Done);
   core_.durable->hub().clearLive(lease.task);
@@ -296,6 +301,15 @@ Status FarmService::get(Rpc& rpc, const v1::GetFarmFileRequest& request, grpc::S
     GOBO_TRY(out.add(bytes->data(), bytes->size()));
     return out.flush();
   }
+  if (request.file_case() == v1::GetFarmFileRequest::kPart) {
+    GOBO_ASSIGN(const auto parts, store().parts(lease.task));
+    if (std::none_of(parts.begin(), parts.end(), [&](const v1::FrameFile& f) { return f.sha256() == request.part(); }))
+      return notFound("is no part of this frame", "part");
+    const auto bytes = files().read(files().resultPath(lease.task.job, request.part()));
+    if (!bytes.ok()) return Status(bytes.status().code(), "part " + request.part() + " is not here");
+    GOBO_TRY(out.add(bytes->data(), bytes->size()));
+    return out.flush();
+  }
   GOBO_ASSIGN(const JobRecord record, store().get(lease.task.job, false));
   GOBO_ASSIGN(const ScenePtr scene, core_.durable->scenes().get(record));  // holds the map's file to its digest, too
   switch (request.file_case()) {
@@ -307,7 +321,8 @@ Status FarmService::get(Rpc& rpc, const v1::GetFarmFileRequest& request, grpc::S
       break;
     }
     case v1::GetFarmFileRequest::kCheckpoint:
-    case v1::GetFarmFileRequest::FILE_NOT_SET: return invalidArgument("must be one of scene, environment, checkpoint", "file");
+    case v1::GetFarmFileRequest::kPart:
+    case v1::GetFarmFileRequest::FILE_NOT_SET: return invalidArgument("must be one of scene, environment, checkpoint, part", "file");
   }
   return out.flush();
 }

@@ -5,6 +5,7 @@
 
 #include "server/farm/messages.h"
 #include "server/farm/received_file.h"
+#include "server/jobs/frame_parts.h"
 #include "server/log.h"
 
 namespace gobo::farm {
@@ -41,7 +42,7 @@ Result<std::optional<Lease>> RemoteTasks::claim(const std::string& holder, doubl
   if (!reply.has_lease()) return std::optional<Lease>();
   Lease lease = fromMessage(reply.lease());
   lease.holder = holder;
-  Claimed claimed{lease, {}};
+  Claimed claimed{lease, {}, {}};
   {
     const std::lock_guard lock(mutex_);
     claimed_[lease.task] = claimed;
@@ -49,6 +50,20 @@ Result<std::optional<Lease>> RemoteTasks::claim(const std::string& holder, doubl
     record.id = lease.task.job;
     record.job = std::move(*reply.mutable_job());
     record.environmentDigest = reply.environment_sha256();
+    record.parts = partsOf(record.job.spec());
+  }
+  for (const v1::FrameFile& part : reply.parts()) {
+    if (!isDigest(part.sha256(), kSha256Digits)) continue;
+    v1::GetFarmFileRequest wanted;
+    wanted.set_part(part.sha256());
+    const Status status = fetch(lease.task.job, wanted, files_.resultPath(lease.task.job, part.sha256()));
+    if (!status.ok()) logWarn("farm: part %s cannot be fetched: %s", part.sha256().c_str(), status.toString().c_str());
+    // What the coordinator does not have is missed when the frame is put together, and rendered again; all else passes.
+    if (!status.ok() && status.code() != Code::NotFound && status.code() != Code::DataLoss) {
+      (void)release(lease);
+      return std::optional<Lease>();
+    }
+    claimed.parts.push_back(part);
   }
   for (const v1::CheckpointInfo& info : reply.checkpoints()) {
     if (!isDigest(info.digest(), kXxh128Digits)) continue;
@@ -69,6 +84,12 @@ Result<std::vector<CheckpointRow>> RemoteTasks::checkpoints(TaskId task) {
   const std::lock_guard lock(mutex_);
   const auto at = claimed_.find(task);
   return at == claimed_.end() ? std::vector<CheckpointRow>() : at->second.checkpoints;
+}
+
+Result<std::vector<v1::FrameFile>> RemoteTasks::parts(TaskId task) {
+  const std::lock_guard lock(mutex_);
+  const auto at = claimed_.find(task);
+  return at == claimed_.end() ? std::vector<v1::FrameFile>() : at->second.parts;
 }
 
 Result<v1::Job::State> RemoteTasks::hold(const Lease& lease, bool renew) {

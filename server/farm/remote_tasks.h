@@ -38,6 +38,7 @@ class RemoteTasks final : public TaskStore {
   Result<v1::Job::State> check(const Lease& lease) override { return hold(lease, false); }
   Result<std::vector<CheckpointRow>> checkpoint(const Lease& lease, const CheckpointRow& row, double progress, uint32_t spp) override;
   Result<std::vector<CheckpointRow>> checkpoints(TaskId task) override;
+  Result<std::vector<v1::FrameFile>> parts(TaskId task) override;
   Status complete(const Lease& lease, const std::vector<v1::FrameFile>& files, double seconds) override;
   Status fail(const Lease& lease, const FailedReport& report) override;
   Status release(const Lease& lease) override;
@@ -52,6 +53,7 @@ class RemoteTasks final : public TaskStore {
   struct Claimed {
     Lease lease;
     std::vector<CheckpointRow> checkpoints;
+    std::vector<v1::FrameFile> parts;
     double told = 0;  // progress
   };
   Result<v1::Job::State> hold(const Lease& lease, bool renew);

@@ -78,9 +78,15 @@ void JobHub::overlay(JobRecord& record) const {
   if (jobIsOver(record.job.state())) return;
   double more = 0;
   for (const auto& [task, l] : live(record.id)) {
-    more += std::max(0.0, l.progress - l.stored);
+    const bool part = placeOf(task.index, int64_t(record.job.frames_total()), record.parts).part.has_value();
+    const double share = l.progress / (record.parts + 1);  // of a part in its frame; what is stored of a frame counts its finished ones
+    more += part ? share : std::max(0.0, l.progress - l.stored);
     for (v1::Frame& f : *record.job.mutable_frames()) {
       if (f.frame() != l.frame || f.state() != v1::Frame::RUNNING) continue;
+      if (part) {
+        f.set_progress(std::min(1.0, f.progress() + share));
+        continue;
+      }
       f.set_progress(std::max(f.progress(), l.progress));
       f.set_spp(std::max(f.spp(), l.spp));
     }

@@ -10,13 +10,14 @@
 
 #include "request/request.h"
 #include "server/encode.h"
+#include "server/jobs/frame_parts.h"
 #include "server/log.h"
 
 namespace gobo {
 
 namespace {
 
-constexpr int64_t kMostFrames = 100000;
+constexpr int64_t kMostFrames = 100000, kMostTasks = 200000;
 
 Status textBound(const std::string& text, const char* field) {
   if (text.size() <= 200) return {};
@@ -36,6 +37,20 @@ Status checkNumbers(const v1::FrameRange& range) {
     if (!seen.insert(n).second) return invalidArgument(strf("job.frames.numbers: %lld is there twice", (long long)n), "job.frames.numbers");
   }
   return {};
+}
+
+Status checkParts(const v1::JobSpec& spec, int64_t frames) {
+  if (!spec.has_tile_px()) return {};
+  const v1::RenderRequest& r = spec.request();
+  if (r.has_window()) return invalidArgument("job.tile_px and job.request.window: one of them", "job.tile_px");
+  if (r.has_certificate() || r.halt().has_error())
+    return invalidArgument(strf("job.tile_px = %u: %s is of a whole picture", spec.tile_px(), r.halt().has_error() ? "request.halt.error" : "request.certificate"),
+                           "job.tile_px");
+  const int64_t tasks = frames * (1 + int64_t(partsOf(spec)));
+  if (tasks <= kMostTasks) return {};
+  return invalidArgument(strf("job.tile_px = %u: %lld frames of %u parts, at most %lld together", spec.tile_px(), (long long)frames, partsOf(spec),
+                              (long long)kMostTasks),
+                         "job.tile_px");
 }
 
 const char* extension(v1::Encoding::Format format) {
@@ -104,8 +119,11 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
   if (count > kMostFrames) return invalidArgument(strf("job.frames: %lld frames, at most %lld", (long long)count, (long long)kMostFrames), "job.frames");
   for (int64_t i = 0; i < count; ++i) job.frames.push_back(range.numbers().empty() ? range.first() + i * range.step() : range.numbers(int(i)));
   if (!range.numbers().empty()) range.clear_first(), range.clear_last(), range.clear_step();
-  GOBO_TRY(engine.prepare(frameRequest(spec, job.frames.front()), nullptr, stop, access, environmentFile)
-               .status());  // the plan can be made: outputs, lights, environment
+  GOBO_TRY(checkParts(spec, count));
+  job.parts = partsOf(spec);
+  v1::RenderRequest first = frameRequest(spec, job.frames.front());
+  if (job.parts) *first.mutable_window() = partWindow(spec, 0);
+  GOBO_TRY(engine.prepare(first, nullptr, stop, access, environmentFile).status());  // the plan can be made: outputs, lights, environment
   job.sceneHash = spec.request().scene_hash();
   return job;
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// JobStore: what is promised to clients, and who works on it. A job is a request and frames; a task is one frame. A worker claims
+// JobStore: what is promised to clients, and who works on it. A job is a request and frames; a task is one frame, or a part of one
+// (frame_parts.h): a frame that has parts is not ready until they are done, and fails when one of them does. A worker claims
 // a task and gets a LEASE: holder, expiry, and a token. Tokens only grow, over all tasks and for ever. Every report carries its
 // token; a report whose token is not the task's present one is refused (FailedPrecondition naming both), so a worker that was
 // taken for dead cannot disturb the one that took over. A lease is over when the store says so (expireLeases, cancel, release,
@@ -31,6 +32,7 @@ struct NewJob {
   std::string sceneHash, sceneSource, sceneFile;  ///< sceneFile: name under FOLDER/scenes of an upload, or empty
   std::string environmentDigest;                  ///< sha256 of the environment's file, or empty
   std::vector<int64_t> frames;
+  uint32_t parts = 0;  ///< of each frame; 0: not split
 };
 
 struct JobFilter {

@@ -85,7 +85,8 @@ grpc::Status JobsService::watch(Rpc& rpc, const v1::WatchJobRequest& sent, grpc:
       gone = gone || !send(rpc, *writer, eventOf(news->job, &frame));
     }
     for (const auto& [task, live] : hub.live(record->id)) {
-      if (told.count(live.frame) || jobIsOver(state) || live.progress - progress[task] < 0.005) continue;
+      const bool part = task.index >= int64_t(news->job.frames_total());  // shows in the job's progress; its frame changes when it is done
+      if (part || told.count(live.frame) || jobIsOver(state) || live.progress - progress[task] < 0.005) continue;
       progress[task] = live.progress;
       v1::Frame frame;
       frame.set_frame(live.frame);

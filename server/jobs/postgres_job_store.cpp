@@ -170,13 +170,22 @@ Status PostgresJobStore::skipJobs(int64_t last) {
   return q.bind(last).run();
 }
 
-Status PostgresJobStore::addTasks(int64_t job, const std::vector<int64_t>& frames, uint64_t revision) {
+Status PostgresJobStore::addTasks(int64_t job, const std::vector<int64_t>& frames, uint32_t parts, uint64_t revision) {
   std::string list = "{";
   for (size_t i = 0; i < frames.size(); ++i) list += (i ? "," : "") + std::to_string(frames[i]);
+  list += "}";
+  {
+    SqlQuery q(db_,
+               "INSERT INTO task(job, idx, frame, state, revision, waits)"
+               " SELECT ?1, f.i - 1, f.frame, 1, ?3, ?4 FROM unnest(CAST(?2 AS bigint[])) WITH ORDINALITY AS f(frame, i)");
+    GOBO_TRY(q.bind(job).bind(list).bind(revision).bind(int64_t(parts)).run());
+  }
+  if (parts == 0) return {};
   SqlQuery q(db_,
-             "INSERT INTO task(job, idx, frame, state, revision)"
-             " SELECT ?1, f.i - 1, f.frame, 1, ?3 FROM unnest(CAST(?2 AS bigint[])) WITH ORDINALITY AS f(frame, i)");
-  return q.bind(job).bind(list + "}").bind(revision).run();
+             "INSERT INTO task(job, idx, frame, state, revision, whole)"
+             " SELECT ?1, ?5 + (f.i - 1) * ?4 + p, f.frame, 1, ?3, f.i - 1 FROM unnest(CAST(?2 AS bigint[])) WITH ORDINALITY AS f(frame, i),"
+             " generate_series(0, ?4 - 1) AS p");
+  return q.bind(job).bind(list).bind(revision).bind(int64_t(parts)).bind(int64_t(frames.size())).run();
 }
 
 Status PostgresJobStore::firstReady(const std::string& client, std::optional<Lease>& lease) {
@@ -185,7 +194,7 @@ Status PostgresJobStore::firstReady(const std::string& client, std::optional<Lea
     // The subquery is evaluated job by job in the order of job_order, until one has a ready frame.
     SqlQuery q(db_,
                "SELECT j.id, j.state FROM job j WHERE j.state IN (1, 2) AND j.client = ?1"
-               " AND (SELECT 1 FROM task r WHERE r.job = j.id AND r.state = 1 AND r.ready <= ?2 ORDER BY r.idx LIMIT 1) IS NOT NULL"
+               " AND (SELECT 1 FROM task r WHERE r.job = j.id AND r.state = 1 AND r.waits = 0 AND r.ready <= ?2 ORDER BY r.idx LIMIT 1) IS NOT NULL"
                " ORDER BY j.client, j.priority DESC, coalesce(j.deadline, 1e300), j.id LIMIT ?3");
     q.bind(client).bind(uptime()).bind(int64_t(passed_.size() + 1));
     while (q.next())
@@ -204,7 +213,7 @@ Status PostgresJobStore::firstReady(const std::string& client, std::optional<Lea
     GOBO_TRY(q.status());
     if (found != v1::Job::RUNNING && !(whole && found == v1::Job::QUEUED)) return again;  // it was steered, or went idle: look anew
   }
-  SqlQuery q(db_, "SELECT idx, frame, progress FROM task WHERE job = ?1 AND state = 1 AND ready <= ?2 ORDER BY idx LIMIT 1 FOR UPDATE SKIP LOCKED");
+  SqlQuery q(db_, "SELECT idx, frame, progress FROM task WHERE job = ?1 AND state = 1 AND waits = 0 AND ready <= ?2 ORDER BY idx LIMIT 1 FOR UPDATE SKIP LOCKED");
   q.bind(job).bind(uptime());
   while (q.next()) {
     lease.emplace();
@@ -229,8 +238,8 @@ Result<std::string> PostgresJobStore::integrity() {
   GOBO_TRY(look([&]() -> Status {
     found = "ok";
     SqlQuery q(db_,
-               "SELECT j.id FROM job j LEFT JOIN (SELECT job, count(*) AS n, count(*) FILTER (WHERE state = 3) AS done,"
-               " count(*) FILTER (WHERE state = 4) AS failed, count(*) FILTER (WHERE state = 2) AS running FROM task GROUP BY job) t ON t.job = j.id"
+               "SELECT j.id FROM job j LEFT JOIN (SELECT job, count(*) FILTER (WHERE whole IS NULL) AS n, count(*) FILTER (WHERE state = 3 AND whole IS NULL) AS done,"
+               " count(*) FILTER (WHERE state = 4 AND whole IS NULL) AS failed, count(*) FILTER (WHERE state = 2) AS running FROM task GROUP BY job) t ON t.job = j.id"
                " WHERE coalesce(t.n, 0) <> j.frames OR coalesce(t.done, 0) <> j.done OR coalesce(t.failed, 0) <> j.failed"
                " OR (j.state = 1 AND t.running > 0) OR (j.state > 3 AND t.running > 0) ORDER BY 1 LIMIT 1");
     while (q.next()) found = jobIdText(q.integer(0)) + " does not count its frames right";

@@ -51,7 +51,7 @@ class PostgresJobStore final : public SqlJobStore {
   Result<int64_t> nextJob() override;
   Result<int64_t> lastJob() override;
   Status skipJobs(int64_t last) override;
-  Status addTasks(int64_t job, const std::vector<int64_t>& frames, uint64_t revision) override;
+  Status addTasks(int64_t job, const std::vector<int64_t>& frames, uint32_t parts, uint64_t revision) override;
   Status firstReady(const std::string& client, std::optional<Lease>& lease) override;
   Status tell(News news) override;
   Result<int64_t> number(const char* sql);

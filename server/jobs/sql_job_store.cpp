@@ -16,8 +16,8 @@ using Query = SqlQuery;
 
 constexpr const char* kJobColumns =
     "SELECT id, spec, state, error_code, error, frames, done, failed, scene_hash, submitted, started, ended, result_bytes, expired,"
-    " (SELECT coalesce(sum(progress), 0) FROM task WHERE task.job = job.id AND task.state < 3 AND progress > 0),"
-    " scene_source, scene_file, environment_digest, client FROM job ";
+    " (SELECT coalesce(sum(progress), 0) FROM task WHERE task.job = job.id AND task.state < 3 AND progress > 0 AND whole IS NULL),"
+    " scene_source, scene_file, environment_digest, client, parts FROM job ";
 
 JobRecord jobOf(const Query& q) {
   JobRecord r;
@@ -44,6 +44,7 @@ JobRecord jobOf(const Query& q) {
   r.sceneFile = q.text(16);
   r.environmentDigest = q.text(17);
   job.mutable_spec()->set_client(q.text(18));
+  r.parts = uint32_t(q.integer(19));
   return r;
 }
 
@@ -151,13 +152,13 @@ Result<int64_t> SqlJobStore::submit(const NewJob& n, bool& existed) {
         GOBO_TRY(again.status());
         if (raced) return {Code::AlreadyExists, "another process was first"};
       }
-      GOBO_TRY(roomFor(n.frames.size()));
+      GOBO_TRY(roomFor(n.frames.size() * (1 + uint64_t(n.parts))));
       GOBO_ASSIGN(const uint64_t revision, nextRevision());
       {
         Query q(db(),
                 "INSERT INTO job(client, key, digest, spec, priority, deadline, max_attempts, state, frames, scene_hash, scene_source,"
-                " scene_file, environment_digest, submitted, revision, id) VALUES(?1, ?2, ?3, ?4, ?5, CASE WHEN ?6 > 0 THEN ?6 END, ?7, 1, ?8, ?9, ?10, ?11, "
-                "?12, ?13, ?14, nullif(?15, 0)) RETURNING id");
+                " scene_file, environment_digest, submitted, revision, id, parts) VALUES(?1, ?2, ?3, ?4, ?5, CASE WHEN ?6 > 0 THEN ?6 END, ?7, 1, ?8, ?9, ?10, "
+                "?11, ?12, ?13, ?14, nullif(?15, 0), ?16) RETURNING id");
         q.bind(n.client)
             .bind(n.spec.key())
             .bind(n.digest)
@@ -172,11 +173,12 @@ Result<int64_t> SqlJobStore::submit(const NewJob& n, bool& existed) {
             .bind(n.environmentDigest)
             .bind(now())
             .bind(revision)
-            .bind(id);
+            .bind(id)
+            .bind(int64_t(n.parts));
         while (q.next()) id = q.integer(0);
         GOBO_TRY(q.status());
       }
-      GOBO_TRY(addTasks(id, n.frames, revision));
+      GOBO_TRY(addTasks(id, n.frames, n.parts, revision));
       return tell(News::Work);
     });
     if (raced) continue;
@@ -199,13 +201,14 @@ Result<JobRecord> SqlJobStore::readJob(int64_t id) {
   return record;
 }
 
-Status SqlJobStore::readFrames(int64_t id, uint64_t after, v1::Job& job) {
+Status SqlJobStore::readFrames(const JobRecord& record, uint64_t after, v1::Job& job) {
+  const int64_t id = record.id;
   std::vector<int64_t> indices;
   {
     Query q(db(),
             "SELECT idx, frame, state, failures, progress, spp, error_code, error, seconds,"
             " (SELECT digest FROM checkpoint c WHERE c.job = task.job AND c.idx = task.idx ORDER BY bytes DESC LIMIT 1)"
-            " FROM task WHERE job = ?1 AND revision > ?2 ORDER BY idx");
+            " FROM task WHERE job = ?1 AND revision > ?2 AND whole IS NULL ORDER BY idx");
     q.bind(id).bind(after);
     while (q.next()) {
       indices.push_back(q.integer(0));
@@ -226,14 +229,15 @@ Status SqlJobStore::readFrames(int64_t id, uint64_t after, v1::Job& job) {
   }
   Query q(db(),
           "SELECT f.idx, f.message FROM task t JOIN file f ON f.job = t.job AND f.idx = t.idx"
-          " WHERE t.job = ?1 AND t.revision > ?2 ORDER BY f.idx, f.output");
+          " WHERE t.job = ?1 AND t.revision > ?2 AND t.whole IS NULL ORDER BY f.idx, f.output");
   q.bind(id).bind(after);
   size_t at = 0;
   while (q.next()) {
     while (at < indices.size() && indices[at] < q.integer(0)) ++at;
     if (at < indices.size() && indices[at] == q.integer(0)) job.mutable_frames(int(at))->add_files()->ParseFromString(q.text(1));
   }
-  return q.status();
+  GOBO_TRY(q.status());
+  return record.parts ? readParts(record, indices, after, job) : Status();
 }
 
 Result<JobRecord> SqlJobStore::get(int64_t id, bool withFrames) {
@@ -241,7 +245,7 @@ Result<JobRecord> SqlJobStore::get(int64_t id, bool withFrames) {
   JobRecord record;
   GOBO_TRY(look([&]() -> Status {
     GOBO_ASSIGN(record, readJob(id));
-    return withFrames ? readFrames(id, 0, record.job) : Status();
+    return withFrames ? readFrames(record, 0, record.job) : Status();
   }));
   return record;
 }
@@ -251,7 +255,7 @@ Result<JobRecord> SqlJobStore::changes(int64_t id, uint64_t revision) {
   JobRecord record;
   GOBO_TRY(look([&]() -> Status {
     GOBO_ASSIGN(record, readJob(id));
-    return readFrames(id, revision, record.job);  // even where the revision is the same: one that stands still has not seen all
+    return readFrames(record, revision, record.job);  // even where the revision is the same: one that stands still has not seen all
   }));
   record.job.clear_spec();
   return record;
@@ -319,7 +323,7 @@ Status SqlJobStore::resume(int64_t id) {
 }
 
 Status SqlJobStore::roomFor(uint64_t frames) {
-  Query active(db(), "SELECT coalesce(sum(frames - done - failed), 0) FROM job WHERE state IN (1, 2, 3)");
+  Query active(db(), "SELECT coalesce(sum((frames - done - failed) * (1 + parts)), 0) FROM job WHERE state IN (1, 2, 3)");
   uint64_t tasks = 0;
   while (active.next()) tasks = uint64_t(active.integer(0));
   GOBO_TRY(active.status());
@@ -352,6 +356,7 @@ Status SqlJobStore::retry(int64_t id) {
               " WHERE job = ?1 AND state IN (4, 5)");
       GOBO_TRY(q.bind(id).bind(revision).run());
     }
+    if (record.parts) GOBO_TRY(recountParts(record, revision));
     Query q(db(),
             "UPDATE job SET state = CASE WHEN state = 3 THEN 3 WHEN EXISTS(SELECT 1 FROM task WHERE job = ?1 AND state = 2) THEN 2 ELSE 1 END,"
             " failed = 0, error_code = 0, error = '', ended = 0, ended_uptime = 0, revision = ?2 WHERE id = ?1");

@@ -50,6 +50,7 @@ class SqlJobStore : public JobStore {
   Result<v1::Job::State> check(const Lease& lease) override;
   Result<std::vector<CheckpointRow>> checkpoint(const Lease& lease, const CheckpointRow& row, double progress, uint32_t spp) override;
   Result<std::vector<CheckpointRow>> checkpoints(TaskId task) override;
+  Result<std::vector<v1::FrameFile>> parts(TaskId frame) override;
   Status complete(const Lease& lease, const std::vector<v1::FrameFile>& files, double seconds) override;
   Status fail(const Lease& lease, const FailedReport& report) override;
   Status release(const Lease& lease) override;
@@ -81,6 +82,8 @@ class SqlJobStore : public JobStore {
     v1::Job::State job;
     uint32_t maxAttempts;
     int64_t frame;
+    TaskPlace place;
+    uint32_t parts;  ///< of each frame of the job
   };
   enum class Hold { Shared, Whole };  ///< shared: with others that each change one frame which is theirs
   enum class News { Work, Steered };
@@ -101,7 +104,7 @@ class SqlJobStore : public JobStore {
   virtual Result<int64_t> nextJob() = 0;        ///< 0: the table gives one. Excludes other submissions
   virtual Result<int64_t> lastJob() = 0;        ///< the greatest id that was given
   virtual Status skipJobs(int64_t last) = 0;
-  virtual Status addTasks(int64_t job, const std::vector<int64_t>& frames, uint64_t revision) = 0;
+  virtual Status addTasks(int64_t job, const std::vector<int64_t>& frames, uint32_t parts, uint64_t revision) = 0;
   /// The first ready frame of the client by priority, deadline, id, frame: task, frame, progress; locked until the transaction ends.
   virtual Status firstReady(const std::string& client, std::optional<Lease>& lease) = 0;
   virtual bool looksBeforeClaim() const { return false; }
@@ -118,11 +121,18 @@ class SqlJobStore : public JobStore {
   Result<TaskRow> held(const Lease& lease);                  ///< FailedPrecondition when the lease is over
   Status endLease(TaskId id, bool lost, uint64_t revision);  ///< back to the queue, or failed after too many losses
   Status setFailure(TaskId id, const Status& reason, uint64_t revision);
+  // Of frames in parts (sql_frame_parts.cpp).
+  Status partDone(TaskId frame, uint32_t parts, double seconds, uint64_t revision);
+  Status dropParts(TaskId frame, uint64_t revision);   ///< their files are needed no more
+  Status partsAgain(TaskId frame, const TaskRow& row, uint64_t revision);  ///< their files are damaged or gone
+  Status endParts(TaskId frame, uint64_t revision);    ///< what of them waits or runs is cancelled
+  Status recountParts(const JobRecord& record, uint64_t revision);  ///< of frames that wait
+  Status readParts(const JobRecord& record, const std::vector<int64_t>& indices, uint64_t after, v1::Job& job);
   Status settle(int64_t job, uint64_t revision);  ///< job done or failed when no frame is left
   Status idle(int64_t job, uint64_t revision);    ///< a running job none of whose frames runs is a queued one again
   Status endJob(int64_t job, v1::Job::State state, const Status& reason, uint64_t revision);
   Result<JobRecord> readJob(int64_t id);
-  Status readFrames(int64_t id, uint64_t after, v1::Job& job);
+  Status readFrames(const JobRecord& record, uint64_t after, v1::Job& job);
   Status roomFor(uint64_t frames);
   Result<uint64_t> endLeases(double before, double deadlines, bool remoteToo);
   Result<std::vector<int64_t>> jobsWithEnds(double before, double deadlines);

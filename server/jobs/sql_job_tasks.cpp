@@ -11,12 +11,16 @@ namespace gobo {
 using Query = SqlQuery;
 
 Result<SqlJobStore::TaskRow> SqlJobStore::task(TaskId id) {
-  Query q(db(), "SELECT t.state, t.token, t.failures, j.state, j.max_attempts, t.frame FROM task t JOIN job j ON j.id = t.job WHERE t.job = ?1 AND t.idx = ?2");
+  Query q(db(),
+          "SELECT t.state, t.token, t.failures, j.state, j.max_attempts, t.frame, j.frames, j.parts FROM task t JOIN job j ON j.id = t.job"
+          " WHERE t.job = ?1 AND t.idx = ?2");
   q.bind(id.job).bind(id.index);
   TaskRow row{};
   bool found = false;
   while (q.next()) {
-    row = {v1::Frame::State(q.integer(0)), uint64_t(q.integer(1)), uint32_t(q.integer(2)), v1::Job::State(q.integer(3)), uint32_t(q.integer(4)), q.integer(5)};
+    const auto parts = uint32_t(q.integer(7));
+    row = {v1::Frame::State(q.integer(0)), uint64_t(q.integer(1)), uint32_t(q.integer(2)), v1::Job::State(q.integer(3)), uint32_t(q.integer(4)),
+           q.integer(5), placeOf(id.index, q.integer(6), parts), parts};
     found = true;
   }
   if (!q.status().ok()) return q.status();
@@ -184,13 +188,15 @@ Status SqlJobStore::complete(const Lease& lease, const std::vector<v1::FrameFile
       GOBO_TRY(q.bind(lease.task.job).bind(lease.task.index).run());
     }
     {
-      Query q(db(), "UPDATE task SET state = 3, holder = '', progress = 1, seconds = ?3, revision = ?4 WHERE job = ?1 AND idx = ?2");
+      Query q(db(), "UPDATE task SET state = 3, holder = '', progress = 1, seconds = seconds + ?3, revision = ?4 WHERE job = ?1 AND idx = ?2");
       GOBO_TRY(q.bind(lease.task.job).bind(lease.task.index).bind(seconds).bind(revision).run());
     }
     {
-      Query q(db(), "UPDATE job SET done = done + 1, result_bytes = result_bytes + ?2, revision = ?3 WHERE id = ?1");
-      GOBO_TRY(q.bind(lease.task.job).bind(bytes).bind(revision).run());
+      Query q(db(), "UPDATE job SET done = done + ?4, result_bytes = result_bytes + ?2, revision = ?3 WHERE id = ?1");
+      GOBO_TRY(q.bind(lease.task.job).bind(bytes).bind(revision).bind(int(!row.place.part)).run());
     }
+    if (row.place.part) return partDone({lease.task.job, row.place.frame}, row.parts, seconds, revision);
+    if (row.parts) GOBO_TRY(dropParts(lease.task, revision));
     return settle(lease.task.job, revision);
   });
 }
@@ -219,6 +225,8 @@ Status SqlJobStore::fail(const Lease& lease, const FailedReport& report) {
                    .bind(revision)
                    .run());
     }
+    // What a frame in parts is put together from is not there: it is rendered again.
+    if (row.parts && !row.place.part && report.reason.code() == Code::DataLoss && !last) GOBO_TRY(partsAgain(lease.task, row, revision));
     if (report.wholeJob) return endJob(lease.task.job, v1::Job::FAILED, report.reason, revision);
     if (!last) return idle(lease.task.job, revision);
     GOBO_TRY(setFailure(lease.task, report.reason, revision));
@@ -237,6 +245,10 @@ Status SqlJobStore::setFailure(TaskId id, const Status& reason, uint64_t revisio
     GOBO_TRY(q.bind(id.job).bind(id.index).run());
   }
   GOBO_ASSIGN(const TaskRow row, task(id));
+  const TaskId frame{id.job, row.place.frame};
+  if (row.parts) GOBO_TRY(endParts(frame, revision));
+  if (row.place.part)  // the frame with it
+    return setFailure(frame, {reason.code(), strf("part %u: ", *row.place.part) + reason.message()}, revision);
   Query q(db(),
           "UPDATE job SET failed = failed + 1, revision = ?2, error = CASE WHEN error_code = 0 THEN ?4 ELSE error END,"
           " error_code = CASE WHEN error_code = 0 THEN ?3 ELSE error_code END WHERE id = ?1");

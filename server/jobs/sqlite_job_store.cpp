@@ -209,10 +209,14 @@ Status SqliteJobStore::skipJobs(int64_t last) {
   return q.bind(last).run();
 }
 
-Status SqliteJobStore::addTasks(int64_t job, const std::vector<int64_t>& frames, uint64_t revision) {
+Status SqliteJobStore::addTasks(int64_t job, const std::vector<int64_t>& frames, uint32_t parts, uint64_t revision) {
   for (size_t i = 0; i < frames.size(); ++i) {
-    SqlQuery q(db_, "INSERT INTO task(job, idx, frame, state, revision) VALUES(?1, ?2, ?3, 1, ?4)");
-    GOBO_TRY(q.bind(job).bind(int64_t(i)).bind(frames[i]).bind(revision).run());
+    SqlQuery q(db_, "INSERT INTO task(job, idx, frame, state, revision, waits) VALUES(?1, ?2, ?3, 1, ?4, ?5)");
+    GOBO_TRY(q.bind(job).bind(int64_t(i)).bind(frames[i]).bind(revision).bind(int64_t(parts)).run());
+  }
+  for (size_t i = 0; i < frames.size() * parts; ++i) {
+    SqlQuery q(db_, "INSERT INTO task(job, idx, frame, state, revision, whole) VALUES(?1, ?2, ?3, 1, ?4, ?5)");
+    GOBO_TRY(q.bind(job).bind(int64_t(frames.size() + i)).bind(frames[i / parts]).bind(revision).bind(int64_t(i / parts)).run());
   }
   return {};
 }
@@ -220,7 +224,7 @@ Status SqliteJobStore::addTasks(int64_t job, const std::vector<int64_t>& frames,
 Status SqliteJobStore::firstReady(const std::string& client, std::optional<Lease>& lease) {
   SqlQuery q(db_,
              "SELECT j.id, t.idx, t.frame, t.progress FROM job j JOIN task t ON t.job = j.id AND t.idx ="
-             " (SELECT idx FROM task r WHERE r.job = j.id AND r.state = 1 AND r.ready <= ?1 ORDER BY idx LIMIT 1)"
+             " (SELECT idx FROM task r WHERE r.job = j.id AND r.state = 1 AND r.waits = 0 AND r.ready <= ?1 ORDER BY idx LIMIT 1)"
              " WHERE j.state IN (1, 2) AND j.client = ?2 ORDER BY j.priority DESC, ifnull(j.deadline, 1e300), j.id LIMIT 1");
   q.bind(uptime()).bind(client);
   while (q.next()) {

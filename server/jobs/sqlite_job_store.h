@@ -34,7 +34,7 @@ class SqliteJobStore final : public SqlJobStore {
   Result<int64_t> nextJob() override { return int64_t(0); }
   Result<int64_t> lastJob() override;
   Status skipJobs(int64_t last) override;
-  Status addTasks(int64_t job, const std::vector<int64_t>& frames, uint64_t revision) override;
+  Status addTasks(int64_t job, const std::vector<int64_t>& frames, uint32_t parts, uint64_t revision) override;
   Status firstReady(const std::string& client, std::optional<Lease>& lease) override;
   bool looksBeforeClaim() const override { return true; }  ///< an idle worker asks often: without a write transaction
   Result<double> endedAt() override;

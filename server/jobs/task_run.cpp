@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "server/jobs/frame_parts.h"
 #include "server/jobs/job_spec.h"
 #include "server/log.h"
 
@@ -137,37 +138,69 @@ Status TaskRun::work(StopToken slot, const PreparedRender& prepared) {
 }
 
 Status TaskRun::render(std::vector<EncodedImage>& images) {
-  auto record = w_.store_.get(lease_.task.job, false);
-  if (!record.ok()) return record.status();
-  record_ = std::move(*record);
-  auto rows = w_.store_.checkpoints(lease_.task);
-  if (!rows.ok()) return rows.status();
-  checkpoints_ = std::make_unique<TaskCheckpoints>(w_.store_, w_.files_, lease_, std::move(*rows));
-  auto scene = w_.scenes_.get(record_);
-  if (!scene.ok()) {
-    sceneFault_ = true;
-    return scene.status();
+  GOBO_ASSIGN(record_, w_.store_.get(lease_.task.job, false));
+  place_ = placeOf(lease_.task.index, int64_t(record_.job.frames_total()), record_.parts);
+  GOBO_ASSIGN(auto rows, w_.store_.checkpoints(lease_.task));
+  checkpoints_ = std::make_unique<TaskCheckpoints>(w_.store_, w_.files_, lease_, std::move(rows));
+  if (record_.parts && !place_.part) {
+    GOBO_ASSIGN(parts_, w_.store_.parts(lease_.task));
+    GOBO_TRY(joinFrame(parts_));
+  } else {
+    v1::RenderRequest request = frameRequest(record_.job.spec(), lease_.frame);
+    if (place_.part) *request.mutable_window() = partWindow(record_.job.spec(), *place_.part);
+    GOBO_TRY(renderPicture(request));
   }
-  scene_ = *scene;
-  const v1::RenderRequest request = frameRequest(record_.job.spec(), lease_.frame);
-  const Result<PreparedRender> prepared = [&] {
-    const CrashMarks::Working working(w_.options_.marks, lease_.task);
-    return w_.engine_.prepare(request, scene_, {}, {}, w_.scenes_.environment(record_));
-  }();
-  if (!prepared.ok()) return prepared.status();
+  if (place_.part) {
+    const std::string bytes = writePart(*result_, place_);
+    EncodedImage& file = images.emplace_back();
+    file.bytes = std::vector<uint8_t>(bytes.begin(), bytes.end());
+    file.descriptor.set_output("part");
+    file.descriptor.set_format(v1::Encoding::RAW_FLOAT);
+    file.descriptor.set_width(result_->reply.resolved().window().width());
+    file.descriptor.set_height(result_->reply.resolved().window().height());
+    return {};
+  }
+  GOBO_ASSIGN(images, encodeImages(*result_));
+  return {};
+}
+
+Status TaskRun::joinFrame(const std::vector<v1::FrameFile>& parts) {
+  const v1::RenderRequest whole = frameRequest(record_.job.spec(), lease_.frame);
+  // The picture and one part; channels are those of the parts' files.
+  uint64_t bytes = 0, largest = 0;
+  for (const v1::FrameFile& f : parts) bytes += f.bytes(), largest = std::max(largest, f.bytes());
+  return inSlot(bytes + 2 * largest, [&](const StopToken& slot) -> Status {
+    FrameJoin join(whole);
+    for (size_t i = 0; i < parts.size(); ++i) {
+      if (slot.stopRequested() || end() != End::None) return {Code::Cancelled, "the frame was given back"};
+      const std::string path = w_.files_.resultPath(lease_.task.job, parts[i].sha256());
+      const auto file = w_.files_.read(path);
+      if (!file.ok()) return {Code::DataLoss, "a part's file is missing: " + file.status().toString()};
+      if (sha256Hex(file->data(), file->size()) != parts[i].sha256()) {
+        w_.files_.remove(path);  // or the same part, rendered again, would keep it
+        return {Code::DataLoss, "a part's file is damaged: " + path};
+      }
+      GOBO_TRY(join.add(file->data(), file->size(), {place_.frame, uint32_t(i)}));
+      progress_.store(std::max(progress_.load(), (double(record_.parts) + double(i + 1) / double(parts.size())) / (record_.parts + 1)));
+    }
+    GOBO_ASSIGN(result_, join.finish());
+    return {};
+  });
+}
+
+/// Runs `body` as batch work of the scheduler; again where its queue was full.
+Status TaskRun::inSlot(uint64_t bytes, const std::function<Status(StopToken)>& body) {
   JobSpec spec;
   spec.client = record_.job.spec().client();
   spec.jobClass = JobClass::Batch;
-  spec.pinnedBytes = prepared->pinnedBytes;
+  spec.pinnedBytes = bytes;
   RunControl control;
   control.gone = [this] { return tick(); };
   control.pollSeconds = kTick;
-  RunReport report;
   for (;;) {
-    report = w_.runner_.run(
-        spec, [&](StopToken slot) { return work(slot, *prepared); }, control);
+    const RunReport report = w_.runner_.run(spec, body, control);
     ranSeconds_ = report.ranSeconds;
-    if (report.status.code() != Code::ResourceExhausted || report.retryMs <= 0) break;
+    if (report.status.code() != Code::ResourceExhausted || report.retryMs <= 0) return report.status;
     // The batch queue is full: not this frame's fault. Wait as others do.
     for (const auto until = in(std::min(report.retryMs * 1e-3, 5.0)); Clock::now() < until && end() == End::None;) {
       tick();
@@ -175,9 +208,21 @@ Status TaskRun::render(std::vector<EncodedImage>& images) {
     }
     if (end() != End::None) return {Code::Cancelled, "the frame was given back"};
   }
-  if (!report.status.ok()) return report.status;
-  GOBO_ASSIGN(images, encodeImages(*result_));
-  return {};
+}
+
+Status TaskRun::renderPicture(const v1::RenderRequest& request) {
+  auto scene = w_.scenes_.get(record_);
+  if (!scene.ok()) {
+    sceneFault_ = true;
+    return scene.status();
+  }
+  scene_ = *scene;
+  const Result<PreparedRender> prepared = [&] {
+    const CrashMarks::Working working(w_.options_.marks, lease_.task);
+    return w_.engine_.prepare(request, scene_, {}, {}, w_.scenes_.environment(record_));
+  }();
+  if (!prepared.ok()) return prepared.status();
+  return inSlot(prepared->pinnedBytes, [&](StopToken slot) { return work(slot, *prepared); });
 }
 
 Status TaskRun::report(const char* what, const std::function<Status()>& attempt) {
@@ -202,7 +247,7 @@ Status TaskRun::deliver(const std::vector<EncodedImage>& images) {
     v1::FrameFile& f = files.emplace_back();
     const v1::ImageDescriptor& d = image.descriptor;
     f.set_output(d.output());
-    f.set_name(resultName(record_.job.spec(), lease_.frame, d.output(), d.format()));
+    f.set_name(place_.part ? strf("part %u", *place_.part) : resultName(record_.job.spec(), lease_.frame, d.output(), d.format()));
     f.set_bytes(image.bytes.size());
     f.set_sha256(sha256Hex(image.bytes.data(), image.bytes.size()));
     f.set_format(d.format());
@@ -210,7 +255,9 @@ Status TaskRun::deliver(const std::vector<EncodedImage>& images) {
     f.set_height(d.height());
     GOBO_TRY(report("result file", [&] { return w_.files_.write(w_.files_.resultPath(lease_.task.job, f.sha256()), image.bytes.data(), image.bytes.size()); }));
   }
-  return report("completion report", [&] { return w_.store_.complete(lease_, files, ranSeconds_); });
+  GOBO_TRY(report("completion report", [&] { return w_.store_.complete(lease_, files, ranSeconds_); }));
+  for (const v1::FrameFile& part : parts_) w_.files_.remove(w_.files_.resultPath(lease_.task.job, part.sha256()));
+  return {};
 }
 
 void TaskRun::run() {
@@ -226,7 +273,7 @@ void TaskRun::run() {
 }
 
 void TaskRun::finish(const Status& status) {
-  const std::string name = jobIdText(lease_.task.job) + " frame " + std::to_string(lease_.frame);
+  const std::string name = jobIdText(lease_.task.job) + " frame " + std::to_string(lease_.frame) + (place_.part ? strf(" part %u", *place_.part) : "");
   if (checkpoints_) {
     if (end() == End::Release && !status.ok()) flushAfter_ = {}, flush();
     w_.stats_.checkpoints += checkpoints_->written();

@@ -17,6 +17,9 @@ class TaskRun {
   using Clock = std::chrono::steady_clock;
   enum class End { None, Release, Lost };
   Status render(std::vector<EncodedImage>& images);  // Ok, or why not; end() tells what was asked meanwhile
+  Status renderPicture(const v1::RenderRequest& request);
+  Status joinFrame(const std::vector<v1::FrameFile>& parts);  // of a frame whose parts are done
+  Status inSlot(uint64_t bytes, const std::function<Status(StopToken)>& body);
   Status work(StopToken slot, const PreparedRender& prepared);
   bool tick();  // true: take the frame out of the scheduler
   void renewIfDue();
@@ -31,6 +34,8 @@ class TaskRun {
   JobWorker& w_;
   Lease lease_;
   JobRecord record_;
+  TaskPlace place_;
+  std::vector<v1::FrameFile> parts_;  // what the frame is put together from
   std::shared_ptr<const Scene> scene_;
   std::unique_ptr<TaskCheckpoints> checkpoints_;
   std::optional<RenderResult> result_;

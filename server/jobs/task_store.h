@@ -21,13 +21,24 @@ struct JobRecord {
   int64_t id = 0;
   v1::Job job;  ///< progress counts finished frames and checkpoints
   std::string sceneSource, sceneFile, environmentDigest;
+  uint32_t parts = 0;     ///< of each frame; 0: not split
   uint64_t revision = 0;  ///< of the store when read; grows with every change
 };
 
 struct TaskId {
-  int64_t job = 0, index = 0;  ///< index of the frame in the job, from 0
+  int64_t job = 0, index = 0;  ///< index of the frame in the job, from 0; of a part: placeOf
   auto operator<=>(const TaskId&) const = default;
 };
+
+/// What a task of a job of `frames` frames of `parts` parts is: 0 .. frames - 1 are the frames, frames + f parts + p is part p of frame f.
+struct TaskPlace {
+  int64_t frame = 0;              ///< index
+  std::optional<uint32_t> part;  ///< absent: the frame
+};
+inline TaskPlace placeOf(int64_t index, int64_t frames, uint32_t parts) {
+  if (index < frames || parts == 0) return {index, {}};
+  return {(index - frames) / parts, uint32_t((index - frames) % parts)};
+}
 
 struct Lease {
   TaskId task;
@@ -65,7 +76,9 @@ class TaskStore {
   /// Records a checkpoint file that is on disk; it replaces the one of the same recipe. The digests of files not needed any more.
   virtual Result<std::vector<CheckpointRow>> checkpoint(const Lease& lease, const CheckpointRow& row, double progress, uint32_t spp) = 0;
   virtual Result<std::vector<CheckpointRow>> checkpoints(TaskId task) = 0;
-  /// The frame is done; `files` are on disk. Again with the same token and files: Ok.
+  /// Files of a frame's parts, in their order; none of a frame that is not split, or not all of whose parts are done.
+  virtual Result<std::vector<v1::FrameFile>> parts(TaskId frame) = 0;
+  /// The frame or part is done; `files` are on disk. Again with the same token and files: Ok.
   virtual Status complete(const Lease& lease, const std::vector<v1::FrameFile>& files, double seconds) = 0;
   virtual Status fail(const Lease& lease, const FailedReport& report) = 0;
   /// Gives the task back: it waits again, no attempt is counted.

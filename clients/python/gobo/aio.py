@@ -223,11 +223,11 @@ class AsyncJobs:
 
     async def submit(self, scene: "str | os.PathLike[str] | Scene", *, frames: Frames = None, fps: Optional[float] = None, name: str = "",
                      key: Optional[str] = None, job_priority: str = "medium", deadline: Optional[float] = None, max_attempts: Optional[int] = None,
-                     timeout: Optional[float] = None, **fields: "Unpack[RequestFields]") -> str:
+                     tile_px: Optional[int] = None, timeout: Optional[float] = None, **fields: "Unpack[RequestFields]") -> str:
         """Submits a job and returns its id: see `Jobs.submit`."""
         def work(c: _client.Client) -> str:
             return c.jobs.submit(scene, frames=frames, fps=fps, name=name, key=key, job_priority=job_priority, deadline=deadline,
-                                 max_attempts=max_attempts, timeout=timeout, **fields).id
+                                 max_attempts=max_attempts, tile_px=tile_px, timeout, **fields).id
         return await self._client._do(work)
 
     async def get(self, id: str, *, timeout: Optional[float] = None) -> JobState:

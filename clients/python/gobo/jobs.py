@@ -166,7 +166,7 @@ class Jobs:
 
     def submit(self, scene: "str | os.PathLike[str] | Scene", *, frames: Frames = None, fps: Optional[float] = None, name: str = "",
                key: Optional[str] = None, job_priority: str = "medium", deadline: Optional[float] = None, max_attempts: Optional[int] = None,
-               timeout: Optional[float] = None, **fields: "Unpack[RequestFields]") -> Job:
+               tile_px: Optional[int] = None, timeout: Optional[float] = None, **fields: "Unpack[RequestFields]") -> Job:
         """Submits a durable job; it is on disk when this returns.
 
         Args:
@@ -176,6 +176,7 @@ class Jobs:
                 call repeated by this client never makes a second job.
             job_priority: "low", "medium" or "high", between jobs; all of them wait for interactive renders.
             deadline: Unix time after which it fails.
+            tile_px: each frame is rendered in squares of this side, by several workers, and put together: the same bits.
             fields: the request, as for `render`; files are EXR unless `format=` says otherwise.
         """
         request = render_pb2.RenderRequest()
@@ -184,7 +185,7 @@ class Jobs:
         spec = jobs_pb2.JobSpec(request=request)
         builder = Builder(spec)
         values = {"name": name, "key": key if key is not None else uuid.uuid4().hex, "priority": job_priority, "frames": _range(frames),
-                  "deadline_unix_s": deadline, "max_attempts": max_attempts}
+                  "deadline_unix_s": deadline, "max_attempts": max_attempts, "tile_px": tile_px}
         builder.merge(spec, {k: v for k, v in values.items() if v is not None}, "")
         if fps is not None:
             spec.frames.fps = fps

@@ -31,12 +31,13 @@ class FarmJobs {
  public:
   explicit FarmJobs(std::vector<uint32_t> samples) : samples_(std::move(samples)) {}
 
-  /// Three frames of a tiny picture; samples in turn.
+  /// Three frames of a tiny picture; samples in turn; every other job in parts.
   v1::JobSpec spec(int i) const {
     v1::JobSpec s;
     s.set_key("shot-" + std::to_string(i));
     s.mutable_frames()->set_first(1);
     s.mutable_frames()->set_last(3);
+    if (i % 2 == 1) s.set_tile_px(16);
     v1::RenderRequest& r = *s.mutable_request();
     r.set_scene(i % 3 == 2 ? "grids" : "cornell");
     r.set_width(24);

@@ -10,6 +10,7 @@
 #include "import/load.h"
 #include "server/encode.h"
 #include "server/ingest_loader.h"
+#include "server/jobs/frame_parts.h"
 #include "server/jobs/job_scenes.h"
 #include "server/jobs/job_spec.h"
 #include "server/jobs/job_worker.h"
@@ -133,6 +134,52 @@ TEST_F(Worker, ACheckpointedFrameGoesOnAfterARestartWithTheSameBits) {
   EXPECT_EQ(result(id), expected(s));
   EXPECT_EQ(filesIn("tmp"), 0u);
   EXPECT_EQ(get(id).frames(0).attempts(), 1u);
+}
+
+TEST_F(Worker, AFrameInPartsHasTheBitsOfTheWhole) {
+  v1::JobSpec s = spec(64);
+  s.set_tile_px(16);
+  s.mutable_frames()->set_last(1);
+  workerOptions.workers = 3;
+  const int64_t id = put(s);
+  start();
+  ASSERT_TRUE(over(id));
+  worker->stop();
+  EXPECT_EQ(result(id), expected(s));
+  EXPECT_EQ(result(id, 1), expected(s));
+  EXPECT_EQ(get(id).frames(0).parts(), 2u);
+  EXPECT_EQ(get(id).frames(0).parts_done(), 2u);
+  EXPECT_EQ(worker->stats().frames.load(), 6u);
+  EXPECT_EQ(filesIn("checkpoints"), 0u);
+  EXPECT_EQ(filesIn("results/" + std::to_string(id)), 1u) << "files of parts stay (the frames' are one: they are equal)";
+}
+
+TEST_F(Worker, APartsFileThatIsDamagedOrGoneIsMadeAgain) {
+  v1::JobSpec s = spec(16);
+  s.set_tile_px(16);
+  const int64_t id = put(s);
+  // As if it were done by another process, whose disk lied.
+  std::vector<Lease> parts;
+  while (const auto lease = claim(1e6)) parts.push_back(*lease);
+  ASSERT_EQ(parts.size(), 2u);
+  v1::RenderRequest request = s.request();
+  *request.mutable_window() = partWindow(gobo::makeJob(s, "me", *engine, 0)->spec, 1);
+  const std::string real = writePart(*engine->render(engine->resolve(request).value()), {0, 1});
+  for (size_t i = 0; i < 2; ++i) {
+    v1::FrameFile f;
+    f.set_output("part");
+    f.set_bytes(real.size());
+    f.set_sha256(i ? sha256Hex(real.data(), real.size()) : std::string(64, '0'));
+    std::string damaged = real;
+    damaged[real.size() / 2] ^= 1;
+    if (i) ASSERT_TRUE(files_.write(files_.resultPath(id, f.sha256()), damaged.data(), damaged.size()).ok());
+    ASSERT_TRUE(store->complete(parts[i], {f}, 1).ok());
+  }
+  start();
+  ASSERT_TRUE(over(id));
+  worker->stop();
+  EXPECT_EQ(worker->stats().failures.load(), 2u) << "one is gone, then one is damaged";
+  EXPECT_EQ(result(id), expected(s));
 }
 
 TEST_F(Worker, ADamagedCheckpointMeansAnewNotWrong) {
