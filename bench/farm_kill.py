@@ -52,8 +52,8 @@ class Farm:
             time.sleep(0.2)      # the coordinator was killed a moment ago
         sys.exit(f"gobo {' '.join(words)}: {said.stderr}")
 
-    def submit(self, key, frames, spp, size="48x36"):
-        return json.loads(self.gobo("--json", "jobs", "submit", "cornell", "--frames", f"1-{frames}", "--size", size, "--spp", str(spp), "--key", key,
+    def submit(self, key, frames, spp, size="48x36", more=()):
+        return json.loads(self.gobo("--json", "jobs", "submit", "cornell", "--frames", f"1-{frames}", "--size", size, "--spp", str(spp), "--key", key, *more,
                                     "--set", f"seed={sum(map(ord, key))}", "--set", "encoding.format=RAW_FLOAT").stdout)["id"]
 
     def job(self, name):
@@ -67,6 +67,37 @@ class Farm:
             process.wait(60)
 
 
+def verdict(farm, jobs, begun):
+    """Waits for the jobs. In words how many frames were lost, completed twice, or have other bits than a render by one process alone; and their number."""
+    for name in jobs:
+        while farm.job(name)["state"] not in ("DONE", "FAILED", "CANCELLED"):
+            time.sleep(0.2)
+    took = time.monotonic() - begun
+    lost = other = frames = parts = 0
+    for name in jobs:
+        job = farm.job(name)
+        request = job["spec"]["request"]
+        alone = farm.folder / "alone.raw"
+        subprocess.run([str(farm.build / "clients/gobo"), "--local", "render", "cornell", "--size", f"{request['width']}x{request['height']}", "--spp",
+                        str(request["halt"]["spp"]), "--set", f"seed={request['seed']}", "--set", "encoding.format=RAW_FLOAT", "-o", str(alone)],
+                       check=True, capture_output=True)
+        expected = hashlib.sha256(alone.read_bytes()).hexdigest()
+        for frame in job["frames"]:
+            frames += 1
+            parts += frame.get("parts", 0)
+            files = frame.get("files", [])
+            lost += frame["state"] != "DONE" or len(files) != 1
+            other += any(f["sha256"] != expected for f in files)
+    completed = {}
+    for log in farm.folder.glob("w*.log"):
+        for line in log.read_text(errors="replace").splitlines():
+            if found := re.search(r"job (j-\d+ frame -?\d+(?: part \d+)?) done ", line):
+                completed[found[1]] = completed.get(found[1], 0) + 1
+    twice = sum(count > 1 for count in completed.values())
+    return (f"{len(jobs)} jobs of {frames} frames ({parts} parts), {took:.0f} s: lost {lost}, completed twice {twice} of {len(completed)}, other bits {other}",
+            lost + twice + other)
+
+
 def kills(args, random_):
     with tempfile.TemporaryDirectory(prefix="gobo-farm-") as folder:
         farm = Farm(args.build, folder, args.postgres)
@@ -76,7 +107,8 @@ def kills(args, random_):
         jobs, begun, done, coordinators, frozen = [], time.monotonic(), 0, 0, 0
         while done < args.kills:
             if done % 10 == 0:
-                jobs.append(farm.submit(f"shot-{len(jobs)}", 6, random_.choice([256, 512, 1024])))
+                whole = len(jobs) % 2 == 0
+                jobs.append(farm.submit(f"shot-{len(jobs)}", 6, random_.choice([256, 512, 1024]), more=() if whole else ("--tile-px", "16")))
             time.sleep(random_.uniform(0.02, 0.5))
             if random_.random() < 0.1:
                 farm.coordinator.kill()
@@ -96,34 +128,10 @@ def kills(args, random_):
                 farm.workers[number].wait()
                 farm.hire(number)
             done += 1
-        for name in jobs:
-            while farm.job(name)["state"] not in ("DONE", "FAILED", "CANCELLED"):
-                time.sleep(0.2)
-        took = time.monotonic() - begun
-        lost = twice = other = frames = 0
-        for n, name in enumerate(jobs):
-            job = farm.job(name)
-            request = job["spec"]["request"]
-            alone = pathlib.Path(folder) / "alone.raw"
-            subprocess.run([str(farm.build / "clients/gobo"), "--local", "render", "cornell", "--size", f"{request['width']}x{request['height']}", "--spp",
-                            str(request["halt"]["spp"]), "--set", f"seed={request['seed']}", "--set", "encoding.format=RAW_FLOAT", "-o", str(alone)],
-                           check=True, capture_output=True)
-            expected = hashlib.sha256(alone.read_bytes()).hexdigest()
-            for frame in job["frames"]:
-                frames += 1
-                files = frame.get("files", [])
-                lost += frame["state"] != "DONE" or len(files) != 1
-                other += any(f["sha256"] != expected for f in files)
-        completed = {}
-        for log in pathlib.Path(folder).glob("w*.log"):
-            for line in log.read_text(errors="replace").splitlines():
-                if found := re.search(r"job (j-\d+ frame -?\d+) done ", line):
-                    completed[found[1]] = completed.get(found[1], 0) + 1
-        twice = sum(count > 1 for count in completed.values())
+        told, bad = verdict(farm, jobs, begun)
         farm.end()
-    print(f"{args.workers} workers, {args.kills} kill -9 ({coordinators} of them of the coordinator), {frozen} frozen, {len(jobs)} jobs of {frames} frames, {took:.0f} s: "
-          f"lost {lost}, twice {twice}, other bits {other}")
-    return lost + twice + other
+    print(f"{args.workers} workers, {args.kills} kill -9 ({coordinators} of them of the coordinator), {frozen} frozen, {told}")
+    return bad
 
 
 def throughput(args):
