@@ -425,6 +425,31 @@ TEST_F(PostgresStore, RefusesWhatIsNoStoreOfItsOwn) {
   EXPECT_NE(unreachable.toString().find("/nonexistent"), std::string::npos);
 }
 
+TEST_F(PostgresStore, AStoreOfVersionOneIsTakenOver) {
+  const int64_t old = submit(makeJob(2));
+  const auto lease = claim();
+  ASSERT_TRUE(lease);
+  store.reset();
+  Postgres db(test::postgresServer().uri(), 5);
+  ASSERT_TRUE(db.connect().ok());
+  ASSERT_TRUE(db.exec("SET search_path = gobo; DROP TABLE log; DROP TABLE depend; DROP INDEX task_queued; ALTER TABLE task DROP COLUMN waits, DROP COLUMN whole;"
+                      "ALTER TABLE job DROP COLUMN parts; CREATE INDEX task_queued ON task(job, idx) WHERE state = 1; UPDATE store SET version = 1")
+                  .ok());
+  open();
+  EXPECT_EQ(*db.exec("SELECT version FROM gobo.store"), "2");
+  EXPECT_TRUE(store->complete(*lease, files(), 1).ok()) << "what was running goes on";
+  const auto next = claim();
+  ASSERT_TRUE(next);
+  EXPECT_EQ(next->task, (TaskId{old, 1}));
+  NewJob split = makeJob(1);
+  split.parts = 2;
+  const int64_t id = submit(split);
+  const auto part = claim();
+  ASSERT_TRUE(part);
+  EXPECT_EQ(part->task, (TaskId{id, 1}));
+  EXPECT_EQ(*store->integrity(), "ok");
+}
+
 TEST_F(PostgresStore, RevisionsGoOnInADatabaseThatWasRestored) {
   const int64_t id = submit(makeJob(2));
   sql("UPDATE gobo.task SET revision = 1000000000000");  // as of a cluster that had seen more transactions
