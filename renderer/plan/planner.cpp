@@ -339,7 +339,7 @@ Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderReq
         o.node = plan->graph.add({makeCropNode({around.width, around.height, 1}, window.x - around.x, window.y - around.y, window.width, window.height),
                                   {o.node},
                                   {},
-                                  "crop:" + o.name});
+                                  kCropNode + o.name});
       kept.push_back(o.node);
     }
     GOBO_TRY(plan->graph.wiring());

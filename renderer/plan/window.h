@@ -11,6 +11,9 @@
 
 namespace gobo {
 
+/// How nodes are called that cut an output out of what was made around it; the plan of a whole picture has none.
+inline constexpr char kCropNode[] = "crop:";
+
 /// request.window; of no width where the request has none. Errors: InvalidArgument.
 Result<PixelWindow> windowOf(const v1::RenderRequest& request);
 

@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "plan/picture_warnings.h"
+#include "plan/window.h"
 #include "request/request.h"
 #include "server/log.h"
 
@@ -148,7 +149,7 @@ void FrameJoin::takeReply(const v1::RenderedPart& part) {
   const v1::RenderReply& from = part.reply();
   for (const v1::NodeReport& node : from.plan()) {
     const auto same = [&](const v1::NodeReport& n) { return n.node() == node.node() && n.state() == node.state(); };
-    if (std::none_of(reply.plan().begin(), reply.plan().end(), same)) *reply.add_plan() = node;
+    if (node.node().rfind(kCropNode, 0) != 0 && std::none_of(reply.plan().begin(), reply.plan().end(), same)) *reply.add_plan() = node;
   }
   for (const std::string& warning : from.warnings()) {
     if (isPhotometricWarning(warning)) {

@@ -123,7 +123,10 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
   job.parts = partsOf(spec);
   v1::RenderRequest first = frameRequest(spec, job.frames.front());
   if (job.parts) *first.mutable_window() = partWindow(spec, 0);
-  GOBO_TRY(engine.prepare(first, nullptr, stop, access, environmentFile).status());  // the plan can be made: outputs, lights, environment
+  const Status planned = engine.prepare(first, nullptr, stop, access, environmentFile).status();  // a plan can be made: outputs, lights, environment
+  if (job.parts && planned.location() == "request.window")
+    return Status(planned.code(), strf("job.tile_px = %u: ", spec.tile_px()) + planned.message(), "job.tile_px");
+  GOBO_TRY(planned);
   job.sceneHash = spec.request().scene_hash();
   return job;
 }

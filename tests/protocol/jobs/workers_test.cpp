@@ -222,6 +222,82 @@ TEST_F(FarmCalls, FramesOfWorkersHaveTheSameBits) {
   EXPECT_TRUE(eventually([&] { return !list()[0].attending() && !list()[1].attending(); }));
 }
 
+TEST_F(FarmCalls, FramesInPartsHaveTheBytesOfWholeOnes) {
+  hire(3);
+  v1::JobSpec s = spec(8, 2, 4);
+  s.set_tile_px(16);  // 24 x 16: two parts
+  s.mutable_frames()->set_fps(24);
+  s.mutable_request()->add_outputs("beauty");
+  s.mutable_request()->add_outputs("depth");
+  s.mutable_request()->mutable_encoding()->set_format(v1::Encoding::EXR);
+  const v1::Job job = over(submit(s).id());
+  EXPECT_EQ(job.frames(0).parts(), 2u);
+  EXPECT_EQ(job.frames(0).parts_done(), 2u);
+  EXPECT_EQ(job.result_bytes(), job.frames(0).files(0).bytes() + job.frames(0).files(1).bytes() + job.frames(1).files(0).bytes() + job.frames(1).files(1).bytes());
+  uint64_t done = 0;
+  for (const v1::Worker& w : list()) done += w.done();
+  EXPECT_EQ(done, 6u);
+  for (const auto& w : workers) w->worker->stop();
+  sameBits(job);
+  EXPECT_EQ(filesUnder(folder + "/jobs/results"), 4u) << "files of parts stay";
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(filesUnder(folder + "/w" + std::to_string(i) + "/cache/results"), 0u);
+}
+
+TEST_F(FarmCalls, PartsAreSentToWhoeverHasTheirFrame) {
+  v1::JobSpec s = spec(4, 1);
+  s.set_tile_px(16);
+  submit(s);
+  Played played(*farm);
+  const v1::ClaimReply first = claim(played.id), second = claim(played.id);
+  ASSERT_TRUE(first.has_lease() && second.has_lease());
+  EXPECT_EQ(first.parts_size(), 0);
+  EXPECT_FALSE(claim(played.id).has_lease()) << "a frame is given away before its parts are done";
+  std::vector<std::string> digests;
+  for (const v1::ClaimReply* reply : {&first, &second}) {
+    const std::string bytes = "pixels of " + std::to_string(reply->lease().index());
+    digests.push_back(sha256Hex(bytes.data(), bytes.size()));
+    v1::PutFarmFileRequest::Begin begin;
+    *begin.mutable_lease() = reply->lease();
+    begin.set_digest(digests.back());
+    begin.set_bytes(bytes.size());
+    ASSERT_TRUE(put(begin, bytes).ok());
+    v1::CompletionReport done;
+    *done.mutable_lease() = reply->lease();
+    done.add_files()->set_sha256(digests.back());
+    done.mutable_files(0)->set_output("part");
+    done.mutable_files(0)->set_bytes(bytes.size());
+    v1::FarmAck ack;
+    ASSERT_TRUE(call(&v1::Farm::Stub::Complete, done, &ack).ok());
+  }
+  const v1::ClaimReply frame = claim(played.id);
+  ASSERT_TRUE(frame.has_lease());
+  EXPECT_EQ(frame.lease().index(), 0);
+  ASSERT_EQ(frame.parts_size(), 2);
+  EXPECT_EQ(frame.parts(0).sha256(), digests[0]);
+  const auto fetched = [&](const std::string& digest, std::string& bytes) {
+    v1::GetFarmFileRequest wanted;
+    *wanted.mutable_lease() = frame.lease();
+    wanted.set_part(digest);
+    grpc::ClientContext context;
+    bound(context);
+    auto reader = farm->Get(&context, wanted);
+    for (v1::FarmChunk chunk; reader->Read(&chunk);) bytes += chunk.data();
+    return reader->Finish().error_code();
+  };
+  std::string bytes;
+  EXPECT_EQ(fetched(digests[1], bytes), grpc::OK);
+  EXPECT_EQ(bytes, "pixels of 2");
+  for (const std::string& other : {std::string(64, 'a'), std::string("../identity"), std::string()}) EXPECT_EQ(fetched(other, bytes), grpc::NOT_FOUND) << other;
+  // What was put is no picture: whoever puts it together says so, and the parts are rendered again.
+  v1::FailureReport failure;
+  *failure.mutable_lease() = frame.lease();
+  failure.mutable_error()->set_code(int(Code::DataLoss));
+  failure.set_retry(true);
+  v1::FarmAck ack;
+  ASSERT_TRUE(call(&v1::Farm::Stub::Fail, failure, &ack).ok());
+  EXPECT_TRUE(eventually([&] { return claim(played.id).has_lease(); }, 10));
+}
+
 // Scene and map are the coordinator's files: a worker has neither the files nor a program that reads them.
 TEST_F(FarmCalls, ScenesAndMapsAreSent) {
   std::ofstream(folder + "/root/quad.gltf") << smallGltf("paint.png");

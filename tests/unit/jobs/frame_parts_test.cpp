@@ -77,7 +77,7 @@ TEST(FrameParts, PutTogetherHaveTheBytesOfTheWholesFile) {
                       "outputs": ["beauty", "depth", "motion"]})",
                   16);
   expectSameFiles(R"({"scene": "fence", "width": 50, "height": 34, "halt": {"spp": 4}, "encoding": {"format": "RAW_FLOAT"},
-                      "filters": [{"bilateral": {}}, {"bloom": {}}]})",
+                      "filters": [{"bilateral": {}}, {"sharpen": {}}]})",
                   24);
   expectSameFiles(R"({"scene": "grids", "width": 40, "height": 24, "halt": {"spp": 4}, "shadows": {"axis_aligned": {}}, "encoding": {"half": true},
                       "denoise": {"non_local_means": {}}})",
@@ -161,6 +161,7 @@ TEST(FrameParts, WhatIsOfAWholePictureIsRefusedWhenTheJobIsSubmitted) {
                                                {R"({"scene": "cornell", "halt": {"error": 0.1}})", 64u, 0, "halt.error"},
                                                {R"({"scene": "cornell", "window": {"width": 10, "height": 10}})", 64u, 0, "window"},
                                                {R"({"scene": "cornell", "width": 640, "height": 640})", 16u, 200, "201 frames of 1600 parts"},
+                                               {R"({"scene": "cornell", "filters": [{"bloom": {}}]})", 64u, 0, "bloom"},
                                                {R"({"scene": "cornell"})", 15u, 0, "16"}}) {
     const Status status = refusal(json, tile, last);
     EXPECT_EQ(status.code(), Code::InvalidArgument) << json;
@@ -178,7 +179,8 @@ struct PartsStore : test::OnEachStore<test::StoreFixture> {
   static std::vector<v1::FrameFile> partFile(const Lease& lease) { return files("p" + std::to_string(lease.task.index)); }
   std::vector<std::string> partsOfFrame(int64_t job, int64_t frame) {
     std::vector<std::string> found;
-    for (const v1::FrameFile& f : *store->parts({job, frame})) found.push_back(f.sha256());
+    const auto files = store->parts({job, frame});
+    for (const v1::FrameFile& f : *files) found.push_back(f.sha256());
     return found;
   }
 };

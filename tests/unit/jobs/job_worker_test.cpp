@@ -110,7 +110,7 @@ struct Worker : test::StoreFixture {
     if (job.frames(frame).files_size() == 0) return {};
     return *files_.read(files_.resultPath(id, job.frames(frame).files(0).sha256()));
   }
-  size_t filesIn(const char* sub) {
+  size_t filesIn(const std::string& sub) {
     return size_t(std::distance(std::filesystem::directory_iterator(folder + "/" + sub), std::filesystem::directory_iterator()));
   }
   void breakItsBlob(bool opened);
@@ -162,9 +162,10 @@ TEST_F(Worker, APartsFileThatIsDamagedOrGoneIsMadeAgain) {
   std::vector<Lease> parts;
   while (const auto lease = claim(1e6)) parts.push_back(*lease);
   ASSERT_EQ(parts.size(), 2u);
-  v1::RenderRequest request = s.request();
-  *request.mutable_window() = partWindow(gobo::makeJob(s, "me", *engine, 0)->spec, 1);
-  const std::string real = writePart(*engine->render(engine->resolve(request).value()), {0, 1});
+  const v1::JobSpec resolved = get(id).spec();
+  v1::RenderRequest request = frameRequest(resolved, 0);
+  *request.mutable_window() = partWindow(resolved, 1);
+  const std::string real = writePart(*engine->render(request), {0, 1});
   for (size_t i = 0; i < 2; ++i) {
     v1::FrameFile f;
     f.set_output("part");
@@ -172,7 +173,9 @@ TEST_F(Worker, APartsFileThatIsDamagedOrGoneIsMadeAgain) {
     f.set_sha256(i ? sha256Hex(real.data(), real.size()) : std::string(64, '0'));
     std::string damaged = real;
     damaged[real.size() / 2] ^= 1;
-    if (i) ASSERT_TRUE(files_.write(files_.resultPath(id, f.sha256()), damaged.data(), damaged.size()).ok());
+    if (i == 1) {
+      ASSERT_TRUE(files_.write(files_.resultPath(id, f.sha256()), damaged.data(), damaged.size()).ok());
+    }
     ASSERT_TRUE(store->complete(parts[i], {f}, 1).ok());
   }
   start();

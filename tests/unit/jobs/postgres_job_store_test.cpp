@@ -393,12 +393,12 @@ TEST_F(PostgresStore, TakesAnyText) {
 TEST_F(PostgresStore, RefusesWhatIsNoStoreOfItsOwn) {
   const std::string uri = test::postgresServer().uri();
   EXPECT_TRUE(PostgresJobStore::check(uri).ok());
-  sql("UPDATE gobo.store SET version = 2");
+  sql("UPDATE gobo.store SET version = 3");
   for (const Status& status : {PostgresJobStore::open(uri).status(), PostgresJobStore::check(uri)}) {
     EXPECT_EQ(status.code(), Code::FailedPrecondition) << status.toString();
-    EXPECT_NE(status.message().find("version 2"), std::string::npos) << status.message();
+    EXPECT_NE(status.message().find("version 3"), std::string::npos) << status.message();
   }
-  EXPECT_EQ(sql("SELECT version FROM gobo.store"), "2");
+  EXPECT_EQ(sql("SELECT version FROM gobo.store"), "3");
   dropSchema();
   sql("CREATE SCHEMA gobo; CREATE TABLE gobo.others(x int)");
   EXPECT_EQ(PostgresJobStore::open(uri).status().code(), Code::FailedPrecondition);
