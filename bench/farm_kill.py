@@ -38,8 +38,10 @@ class Farm:
         for _ in range(600):
             if self.gobo("status", check=False).returncode == 0:
                 return
+            if self.coordinator.poll() is not None:
+                break
             time.sleep(0.05)
-        sys.exit("the coordinator does not start")
+        sys.exit(f"the coordinator does not start: {(self.folder / 'coordinator.log').read_text(errors='replace')[-1000:]}")
 
     def hire(self, number):
         self.workers[number] = self.spawn(f"w{number}", "--worker", self.address, "--worker-name", f"w{number}", "--threads", "1", "--tmp", str(self.folder))

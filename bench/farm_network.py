@@ -133,7 +133,8 @@ def main():
     if not args.inside:   # nothing of this is to be seen by anybody else
         return subprocess.run(["unshare", "-n", "-m", "--propagation", "private", sys.executable, *sys.argv, "--inside"], check=False).returncode
     random_ = random.Random(args.seed)
-    with tempfile.TemporaryDirectory(prefix="gobo-network-") as folder, tempfile.TemporaryDirectory(prefix="gobo-pg-") as database:
+    with tempfile.TemporaryDirectory(prefix="gobo-network-", ignore_cleanup_errors=True) as folder, \
+            tempfile.TemporaryDirectory(prefix="gobo-pg-", ignore_cleanup_errors=True) as database:
         server = Postgres(database) if args.postgres else None
         farm = NetworkFarm(args.build, folder, server.uri() if server else "")
         farm.start()
