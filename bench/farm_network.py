@@ -150,6 +150,7 @@ def main():
             time.sleep(random_.uniform(0.02, 0.6))
             kind, number = random_.choice(kinds), random_.choice(list(farm.workers))
             counts[kind] += 1
+            print(f"{time.monotonic() - begun:.1f} s: {kind} {number}", file=sys.stderr)
             if kind == "worker":
                 farm.workers[number].kill()
                 farm.workers[number].wait()
