@@ -211,7 +211,9 @@ Status FarmService::complete(const v1::CompletionReport& report) {
     if (::stat(files().resultPath(lease.task.job, f.sha256()).c_str(), &info) != 0 || uint64_t(info.st_size) != f.bytes())
       return invalidArgument("file " + f.sha256() + " of output " + escaped(f.output().substr(0, 80)) + " was not put", "files");
   }
-  GOBO_TRY(store().complete(lease, {report.files().begin(), report.files().end()}, report.seconds()));
+  const std::vector<v1::FrameFile> done(report.files().begin(), report.files().end());
+  GOBO_TRY(core_.durable->out().deliver(store(), files(), lease, done));
+  GOBO_TRY(store().complete(lease, done, report.seconds()));
   files().removeCheckpoints(lease.task);
   book_.ended(lease.task, lease.token, WorkerBook::End::Done);
   core_.durable->hub().clearLive(lease.task);

@@ -210,6 +210,7 @@ Status TaskRun::deliver(const std::vector<EncodedImage>& images) {
     f.set_height(d.height());
     GOBO_TRY(report("result file", [&] { return w_.files_.write(w_.files_.resultPath(lease_.task.job, f.sha256()), image.bytes.data(), image.bytes.size()); }));
   }
+  if (w_.options_.out) GOBO_TRY(report("file of job.out", [&] { return w_.options_.out->deliver(w_.store_, w_.files_, lease_, files); }));
   return report("completion report", [&] { return w_.store_.complete(lease_, files, ranSeconds_); });
 }
 
