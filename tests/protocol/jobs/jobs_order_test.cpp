@@ -4,7 +4,9 @@
 
 #include "gobo/v1/jobs.grpc.pb.h"
 #include "protocol/server/harness.h"
+#include "server/encode.h"
 #include "server/jobs/durable_jobs.h"
+#include "server/log.h"
 
 namespace gobo::jobs_order_test {
 namespace {

@@ -11,6 +11,7 @@
 #include "server/farm/messages.h"
 #include "server/farm/numeric_class.h"
 #include "server/jobs/durable_jobs.h"
+#include "server/log.h"
 #include "support/small_gltf.h"
 
 namespace gobo::farm_service_test {
