@@ -229,7 +229,7 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
   if (error) return invalidArgument("-o " + folder + ": " + error.message());
   v1::FetchRequest wanted;
   wanted.set_id(c.id);
-  for (const std::string& output : wordsOf(c.outputs)) wanted.add_outputs(output);
+  for (const std::string& output : commaList(c.outputs)) wanted.add_outputs(output);
   std::vector<int64_t> named;
   if (!c.frames.empty()) { GOBO_ASSIGN(named, parseFrames(c.frames, "--frames")); }
   const std::set<int64_t> selection(named.begin(), named.end());
@@ -307,7 +307,7 @@ int runJobSubmit(const SessionOptions& options, const JobSubmitCommand& c, bool 
     if (c.deadlineSeconds > 0)
       spec.set_deadline_unix_s(std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count() + c.deadlineSeconds);
     if (c.attempts) spec.set_max_attempts(c.attempts);
-    for (const std::string& id : wordsOf(c.after)) spec.add_after(id);
+    for (const std::string& id : commaList(c.after)) spec.add_after(id);
     spec.set_out(c.out);
     v1::Job job;
     {

@@ -117,7 +117,7 @@ int runJobDepend(const SessionOptions& options, const std::vector<std::string>& 
     for (const std::string& id : ids) {
       v1::DependRequest request;
       request.set_id(id);
-      for (const std::string& need : wordsOf(after)) request.add_after(need);
+      for (const std::string& need : commaList(after)) request.add_after(need);
       v1::Job job;
       Session::Call call(session);
       if (const Status status = session.statusOf(session.jobs().Depend(&call.context, request, &job)); !status.ok()) {

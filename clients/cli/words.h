@@ -11,7 +11,7 @@
 namespace gobo::cli {
 
 /// "a,b" as {"a", "b"}; empty parts stay, but for an empty text.
-inline std::vector<std::string> wordsOf(const std::string& text) {
+inline std::vector<std::string> commaList(const std::string& text) {
   std::vector<std::string> words;
   for (size_t begin = 0; begin < text.size();) {
     const size_t end = std::min(text.find(',', begin), text.size());

@@ -89,8 +89,9 @@ Status JobOut::write(const std::string& path, const std::vector<uint8_t>& bytes)
 }
 
 Status JobOut::deliver(TaskStore& store, const JobFiles& files, const Lease& lease, const std::vector<v1::FrameFile>& done) const {
-  GOBO_ASSIGN(const JobRecord record, store.get(lease.task.job, false));
-  const v1::JobSpec& spec = record.job.spec();
+  const auto record = store.get(lease.task.job, false);
+  if (!record.ok()) return record.status().code() == Code::NotFound ? Status() : record.status();
+  const v1::JobSpec& spec = record->job.spec();
   if (spec.out().empty()) return {};
   if (const auto state = store.check(lease); !state.ok()) return state.status().code() == Code::FailedPrecondition ? Status() : state.status();
   if (!on()) return {Code::Unavailable, jobIdText(lease.task.job) + " is to be written to \"" + escaped(spec.out()) + "\", but jobs.out_folder is not set any more"};
