@@ -69,8 +69,8 @@ Status SqlJobStore::depend(int64_t id, const std::vector<int64_t>& after) {
     all.insert(id);
     for (int64_t job : all) GOBO_TRY(lockJob(job, job == id ? Hold::Whole : Hold::Shared));
     GOBO_ASSIGN(JobRecord record, readJob(id));
-    if (jobIsOver(record.job.state()))
-      return {Code::FailedPrecondition, jobIdText(id) + " is " + v1::Job::State_Name(record.job.state()) + ": it waits for nothing any more", "id"};
+    if (jobIsOver(record.job.state()) && !after.empty())
+      return {Code::FailedPrecondition, jobIdText(id) + " is " + v1::Job::State_Name(record.job.state()) + ": it begins nothing that could wait", "id"};
     {
       SqlQuery q(db(), "DELETE FROM depend WHERE job = ?1");
       GOBO_TRY(q.bind(id).run());

@@ -271,7 +271,7 @@ class Jobs:
         return _state(self._wire.unary(self._stub.Prioritize, request, timeout))
 
     def depend(self, id: str, after: Iterable[str], *, timeout: Optional[float] = None) -> JobState:
-        """What a job that is not over waits for from now on, in place of what it waited for; nothing: () ."""
+        """What a job waits for from now on, in place of what it waited for: `()` is nothing, all that a job that is over may be told."""
         return _state(self._wire.unary(self._stub.Depend, jobs_pb2.DependRequest(id=id, after=list(after)), timeout))
 
     def log(self, id: str, *, frames: Optional[Iterable[int]] = None, after: int = 0, most: int = 0, timeout: Optional[float] = None) -> List[LogEntry]:

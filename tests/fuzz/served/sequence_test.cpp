@@ -50,7 +50,7 @@ void addAnswers(const Outcome& out, Answers& answers) {
 }
 
 TEST(Sequence, AnyOrderOfAnyCalls) {
-  constexpr uint64_t kInputs = 20;
+  constexpr uint64_t kInputs = 30;
   Answers answers;
   const auto begun = std::chrono::steady_clock::now();
   for (uint64_t k = 0; k < kInputs; ++k) {

@@ -115,7 +115,8 @@ TEST_F(JobsOrder, AJobWaitsAndIsLetGo) {
   EXPECT_EQ(get(waiting.id()).state(), v1::Job::QUEUED) << "one of both is cancelled";
   EXPECT_EQ(depend(waiting.id(), {}).waits_for_size(), 0);
   EXPECT_TRUE(done(waiting.id()));
-  depend(waiting.id(), {}, grpc::FAILED_PRECONDITION);
+  depend(waiting.id(), {slow}, grpc::FAILED_PRECONDITION);
+  depend(waiting.id(), {});
 }
 
 TEST_F(JobsOrder, FaultsOfDependenciesNameTheField) {
