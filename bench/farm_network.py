@@ -101,8 +101,9 @@ class NetworkFarm(farm_kill.Farm):
         run("ip", "link", "set", f"h{number}", "up")
 
     def lose(self, percent):
-        run("nft", "-f", "-", input=f"table inet lossy {{ chain in {{ type filter hook input priority 0; iifname \"br0\" numgen random mod 100 < {percent} drop; }}\n"
-            f"chain out {{ type filter hook output priority 0; oifname \"br0\" numgen random mod 100 < {percent} drop; }} }}\n".encode())
+        chains = "".join(f"chain {name} {{ type filter hook {hook} priority 0; {which} \"br0\" numgen random mod 100 < {percent} drop; }}\n"
+                         for name, hook, which in (("inward", "input", "iifname"), ("outward", "output", "oifname")))
+        run("nft", "-f", "-", input=f"table inet lossy {{\n{chains}}}\n".encode())
 
     def fill(self, seconds):
         free = shutil.disk_usage(self.folder / "disk").free
@@ -130,8 +131,9 @@ def main():
     parser.add_argument("--postgres", action="store_true", help="the job store is one; it is killed, too")
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
     args = parser.parse_args()
-    if not args.inside:   # nothing of this is to be seen by anybody else
-        return subprocess.run(["unshare", "-n", "-m", "--propagation", "private", sys.executable, *sys.argv, "--inside"], check=False).returncode
+    if not args.inside:   # nothing of this is to be seen by anybody else, and nothing outlives it
+        return subprocess.run(["unshare", "-n", "-m", "-p", "-f", "--mount-proc", "--propagation", "private", sys.executable, *sys.argv, "--inside"],
+                              check=False).returncode
     random_ = random.Random(args.seed)
     with tempfile.TemporaryDirectory(prefix="gobo-network-", ignore_cleanup_errors=True) as folder, \
             tempfile.TemporaryDirectory(prefix="gobo-pg-", ignore_cleanup_errors=True) as database:

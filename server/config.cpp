@@ -231,6 +231,7 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"scheduler.drain_s", number(c.drainSeconds, 0, 86400)},
       {"jobs.folder", text(c.jobsFolder, folder)},
       {"jobs.store", text(c.jobsStore)},
+      {"jobs.out_folder", text(c.jobsOutFolder, folder)},
       {"jobs.workers", integer(c.jobsWorkers, 0, 64)},
       {"jobs.lease_s", number(c.jobsLeaseSeconds, 1, 86400)},
       {"jobs.checkpoint_s", number(c.jobsCheckpointSeconds, 0.05, 86400)},
@@ -398,6 +399,11 @@ Status checkConfig(ServerConfig& c) {
   if (!c.jobsStore.empty()) {
     if (const Status uri = checkPostgresUri(c.jobsStore); !uri.ok()) return invalidArgument("jobs.store " + uri.message());  // never with the value
     if (c.jobsFolder.empty()) return invalidArgument("jobs.store is set, but not jobs.folder, which has the results and which the daemons share");
+  }
+  if (!c.jobsOutFolder.empty()) {
+    if (c.jobsFolder.empty()) return invalidArgument("jobs.out_folder is set, but not jobs.folder: files of jobs are written where the jobs are");
+    std::error_code missing;
+    if (!fs::is_directory(c.jobsOutFolder, missing)) return notFound("jobs.out_folder: \"" + c.jobsOutFolder + "\" is not a folder");
   }
   if (!c.farmCoordinator.empty()) {
     GOBO_TRY(parseAddress(c.farmCoordinator).status().at("farm.coordinator"));

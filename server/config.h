@@ -106,6 +106,7 @@ struct ServerConfig {
   double drainSeconds = 30;                    ///< after SIGTERM, before running renders are cancelled
 
   std::string jobsFolder;    ///< durable jobs; empty: none
+  std::string jobsOutFolder;  ///< below which jobs may have their files written (JobSpec.out); empty: none
   std::string jobsStore;     ///< connection URI of a PostgreSQL database, shared by the daemons of a farm; empty: jobs.sqlite in the folder
   uint32_t jobsWorkers = 1;  ///< frames that are rendered, or wait for a slot, at once
   double jobsLeaseSeconds = 30, jobsCheckpointSeconds = 30;

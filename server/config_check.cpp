@@ -99,6 +99,7 @@ std::vector<std::string> fixedKeysThatDiffer(const ServerConfig& a, const Server
   differ("blobs.folder", a.blobsFolder != b.blobsFolder);
   differ("blobs.bytes", a.blobsBytes != b.blobsBytes);
   differ("jobs.store", a.jobsStore != b.jobsStore);
+  differ("jobs.out_folder", a.jobsOutFolder != b.jobsOutFolder);
   differ("farm.workers", a.farmWorkers != b.farmWorkers);
   differ("farm.coordinator", a.farmCoordinator != b.farmCoordinator);
   differ("farm.name", a.farmName != b.farmName);

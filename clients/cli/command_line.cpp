@@ -331,6 +331,9 @@ void CommandLine::addJobs() {
   value(*submit, "--max-attempts", submit_.attempts, "N", "of each frame; default 3")->check(CLI::Range(1, 100).description(""));
   value(*submit, "--tile-px", submit_.tile, "N", "render each frame in squares of this side, by several workers; whole if absent")
       ->check(CLI::Range(16, 16384).description(""));
+  value(*submit, "--after", submit_.after, "JOB,...", "jobs that must be done before a frame of this one starts");
+  value(*submit, "--out", submit_.out, "PATTERN",
+        "the daemon writes each file there too, below its jobs.out_folder: 'shots/{name}.{frame:04}.{ext}', with {job} and {output}");
   submit->add_flag("--watch", submit_.watch, "then watch it");
   addRequestOptions(*submit, submit_.request, false);
 
@@ -351,6 +354,18 @@ void CommandLine::addJobs() {
   act(*jobs, "retry", "put failed and cancelled frames back; finished ones stay", JobAct::Retry);
   CLI::App* priority = act(*jobs, "priority", "change when jobs come to be rendered", JobAct::Prioritize);
   value(*priority, "--to", jobPriority_, choices(v1::JobSpec::Priority_descriptor()), "between jobs: a higher class starts first")->required();
+  CLI::App* depend = command(*jobs, "depend", "change what jobs wait for", [this] { return runJobDepend(session, jobs_, after_, none_, json); });
+  value(*depend, "job", jobs_, "JOB", "ids")->required();
+  CLI::Option* after = value(*depend, "--after", after_, "JOB,...", "jobs that must be done first, in place of those before");
+  after->excludes(depend->add_flag("--none", none_, "they wait for nothing any more"));
+  CLI::App* log = command(*jobs, "log", "what happened to a job and its frames, and who had them", [this] {
+    log_.json = json;
+    return runJobLog(session, log_);
+  });
+  value(*log, "job", log_.id, "JOB", "id")->required();
+  value(*log, "--frame", log_.frames, "FIRST[-LAST[:STEP]],...", "of these frames alone");
+  value(*log, "--most", log_.most, "N", "of the newest entries; default 1000")->check(CLI::Range(1, 10000).description(""));
+  log->add_flag("--follow", log_.follow, "go on as things happen, until the job has ended");
   act(*jobs, "delete", "forget ended jobs and their files", JobAct::Delete);
   act(app, "cancel", "the same as `jobs cancel`; a render is cancelled by Ctrl-C", JobAct::Cancel);
   CLI::App* fetch = command(*jobs, "fetch", "copy the files of finished frames", [this] { return runJobFetch(session, fetch_); });

@@ -58,6 +58,9 @@ class CommandLine {
   JobFetchCommand fetch_;
   std::string source_, name_, scene_, shell_, job_;
   std::vector<std::string> jobs_, states_, seriesNames_, sweeps_, withs_;
+  JobLogCommand log_;
+  std::string after_;
+  bool none_ = false;
   std::string jobPriority_;
   bool disk_ = false;
 };

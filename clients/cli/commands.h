@@ -148,6 +148,12 @@ struct JobSubmitCommand {
   double fps = 0, deadlineSeconds = 0;
   uint32_t attempts = 0, tile = 0;
   bool watch = false;
+  std::string after, out;  ///< after: ids with commas; out: pattern of paths below the daemon's jobs.out_folder
+};
+struct JobLogCommand {
+  std::string id, frames;
+  uint32_t most = 0;  ///< of the newest entries; 0: the server's default
+  bool follow = false, json = false;
 };
 struct JobFetchCommand {
   std::string id, out;  ///< out: folder
@@ -162,6 +168,9 @@ enum class JobAct { Cancel, Pause, Resume, Retry, Prioritize, Delete };
 /// For every id in turn; the exit code of the first that fails.
 /// `priority`: LOW, MEDIUM or HIGH, of Prioritize.
 int runJobAct(const SessionOptions& session, JobAct act, const std::vector<std::string>& ids, bool json, const std::string& priority = {});
+/// What each of `ids` waits for from now on: jobs with commas between them, or with `none` nothing.
+int runJobDepend(const SessionOptions& session, const std::vector<std::string>& ids, const std::string& after, bool none, bool json);
+int runJobLog(const SessionOptions& session, const JobLogCommand& command);
 int runJobFetch(const SessionOptions& session, const JobFetchCommand& command);
 
 /// The fields that `options` name, and no others.

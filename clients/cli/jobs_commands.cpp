@@ -17,6 +17,7 @@
 #include "commands.h"
 #include "frames.h"
 #include "report.h"
+#include "words.h"
 #include "request/request.h"
 #include "server/encode.h"
 
@@ -30,20 +31,8 @@ constexpr int kReconnects = 20;
 
 void pauseBeforeRetry(int broken) { std::this_thread::sleep_for(std::chrono::milliseconds(std::min(3000, 100 << std::min(broken, 5)))); }
 
-std::string lower(std::string text) {
-  for (char& c : text) c = char(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
 std::string stateOf(const v1::Job& job) { return lower(v1::Job::State_Name(job.state())); }
 bool ended(const v1::Job& job) { return job.state() == v1::Job::DONE || job.state() == v1::Job::FAILED || job.state() == v1::Job::CANCELLED; }
-
-std::string timeText(double unix) {
-  if (unix <= 0) return "-";
-  const std::time_t seconds = std::time_t(unix);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%d %H:%M:%S", std::localtime(&seconds));
-  return text;
-}
 
 std::string uniqueKey() {
   std::random_device device;
@@ -57,6 +46,14 @@ std::string doneText(const v1::Frame& f) {
   return f.parts() ? strf("%u of %u parts, ", f.parts_done(), f.parts()) + done : done;
 }
 
+/// "j-1, j-2 and 5 more"
+std::string waitsText(const v1::Job& job) {
+  constexpr int kNamed = 8;
+  std::string text;
+  for (int i = 0; i < std::min(kNamed, job.waits_for_size()); ++i) text += (i ? ", " : "") + escaped(job.waits_for(i));
+  return job.waits_for_size() > kNamed ? text + strf(" and %d more", job.waits_for_size() - kNamed) : text;
+}
+
 void printJob(const v1::Job& job) {
   std::printf("%s  %s  %s  %.0f %%  %llu of %llu frames%s\n", escaped(job.id()).c_str(), escaped(job.spec().name()).c_str(), stateOf(job).c_str(),
               100 * job.progress(), static_cast<unsigned long long>(job.frames_done()), static_cast<unsigned long long>(job.frames_total()),
@@ -64,6 +61,7 @@ void printJob(const v1::Job& job) {
   std::printf("  submitted %s, started %s, ended %s, scene %s, results %s%s\n", timeText(job.submitted_unix_s()).c_str(),
               timeText(job.started_unix_s()).c_str(), timeText(job.ended_unix_s()).c_str(), escaped(job.spec().request().scene()).c_str(),
               bytesText(job.result_bytes()).c_str(), job.results_expired() ? " (expired)" : "");
+  if (job.waits_for_size()) std::printf("  waits for %s\n", waitsText(job).c_str());
   if (job.has_error()) std::printf("  error: %s\n", escaped(job.error().message()).c_str());
   if (job.frames().empty()) return;
   std::vector<std::vector<std::string>> rows;
@@ -236,11 +234,7 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
   if (error) return invalidArgument("-o " + folder + ": " + error.message());
   v1::FetchRequest wanted;
   wanted.set_id(c.id);
-  for (size_t begin = 0; begin < c.outputs.size();) {
-    const size_t end = std::min(c.outputs.find(',', begin), c.outputs.size());
-    wanted.add_outputs(c.outputs.substr(begin, end - begin));
-    begin = end + 1;
-  }
+  for (const std::string& output : commaList(c.outputs)) wanted.add_outputs(output);
   std::vector<int64_t> named;
   if (!c.frames.empty()) { GOBO_ASSIGN(named, parseFrames(c.frames, "--frames")); }
   const std::set<int64_t> selection(named.begin(), named.end());
@@ -319,6 +313,8 @@ int runJobSubmit(const SessionOptions& options, const JobSubmitCommand& c, bool 
       spec.set_deadline_unix_s(std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count() + c.deadlineSeconds);
     if (c.attempts) spec.set_max_attempts(c.attempts);
     if (c.tile) spec.set_tile_px(c.tile);
+    for (const std::string& id : commaList(c.after)) spec.add_after(id);
+    spec.set_out(c.out);
     v1::Job job;
     {
       Session::Call call(session);
@@ -356,7 +352,7 @@ int runJobList(const SessionOptions& options, const std::vector<std::string>& st
     }
     std::vector<std::vector<std::string>> rows;
     for (const v1::Job& job : all.jobs())
-      rows.push_back({escaped(job.id()), stateOf(job), strf("%.0f %%", 100 * job.progress()),
+      rows.push_back({escaped(job.id()), stateOf(job) + (job.waits_for_size() && !ended(job) ? ", waits for " + waitsText(job) : ""), strf("%.0f %%", 100 * job.progress()),
                       strf("%llu/%llu", static_cast<unsigned long long>(job.frames_done()), static_cast<unsigned long long>(job.frames_total())),
                       timeText(job.submitted_unix_s()), escaped(job.spec().name())});
     if (rows.empty()) std::printf("no jobs\n");

@@ -102,7 +102,12 @@ void settle(Message& m, const ScriptedCall& call, size_t at) {
     if (!pin->has_which() && !(call.how & 0x08)) pin->mutable_which()->set_type("*");
   } else if (auto* const place = dynamic_cast<v1::PrioritizeJobRequest*>(&m)) {
     if (!place->priority() && !(call.how & 0x08)) place->set_priority(v1::JobSpec::HIGH);
+  } else if (auto* const depend = dynamic_cast<v1::DependRequest*>(&m)) {
+    if (!(call.how & 0x08)) depend->clear_after();  // of the first job: a circle otherwise
+  } else if (auto* const asked = dynamic_cast<v1::JobLogRequest*>(&m)) {
+    if (!(call.how & 0x08)) asked->clear_frames();
   } else if (auto* const spec = dynamic_cast<v1::JobSpec*>(&m)) {
+    if (!(call.how & 0x08)) spec->clear_out(), spec->clear_after();  // "some": no folder is configured
     v1::FrameRange* const frames = spec->has_frames() ? spec->mutable_frames() : nullptr;
     while (frames && frames->numbers_size() > 3) frames->mutable_numbers()->RemoveLast();
     const int64_t most = frames ? frames->first() + 2 * int64_t(std::max(1u, frames->step())) : 0;

@@ -13,6 +13,8 @@
 #include <optional>
 #include <thread>
 
+#include "gobo/v1/farm.grpc.pb.h"
+#include "gobo/v1/jobs.grpc.pb.h"
 #include "request/request.h"
 #include "server/bound_socket.h"
 #include "server/door/gltf_render.h"
@@ -86,6 +88,8 @@ struct Door::Impl {
   std::unique_ptr<v1::Render::Stub> render;
   std::unique_ptr<v1::Admin::Stub> admin;
   std::unique_ptr<v1::Blobs::Stub> blobs;
+  std::unique_ptr<v1::Jobs::Stub> jobs;
+  std::unique_ptr<v1::Farm::Stub> farm;
   std::unique_ptr<GltfRenderer> gltf;
   std::string schema;
   std::atomic<bool> stopping{false};
@@ -228,6 +232,9 @@ struct Door::Impl {
     const std::string scenesPath = "/v1/scenes/";
     if (path == "/v1/status")
       return unary<v1::StatusReply>(connection, [&](auto* context, auto* queue) { return admin->AsyncGetStatus(context, v1::StatusRequest(), queue); });
+    if (path == "/v1/jobs") return listJobs(connection);
+    if (path == "/v1/workers")
+      return unary<v1::WorkersReply>(connection, [&](auto* context, auto* queue) { return farm->AsyncWorkers(context, v1::WorkersRequest(), queue); });
     if (path == "/v1/scenes")
       return unary<v1::ListScenesReply>(connection, [&](auto* context, auto* queue) { return scenes->AsyncList(context, v1::ListScenesRequest(), queue); });
     if (path.rfind(scenesPath, 0) == 0) {
@@ -237,6 +244,18 @@ struct Door::Impl {
     }
     if (path.rfind(kBlobsPath, 0) == 0) return received(connection, path.substr(kBlobsPath.size()));
     return fail(connection, grpc::StatusCode::NOT_FOUND, "nothing to GET at " + path.substr(0, 200) + " (docs/live.md)");
+  }
+
+  /// For a page that asks every second: what jobs render, the largest part by far, is left out.
+  MHD_Result listJobs(MHD_Connection* connection) {
+    UpstreamCall call(goneOf(connection));
+    dress(connection, call.context);
+    v1::ListJobsReply list;
+    const grpc::Status status = callOnce(
+        call, [&](auto* context, auto* queue) { return jobs->AsyncList(context, v1::ListJobsRequest(), queue); }, list);
+    if (!status.ok()) return fail(connection, status, &call);
+    for (v1::Job& job : *list.mutable_jobs()) job.mutable_spec()->clear_request();
+    return json(connection, list);
   }
 
   /// Bytes that are there of the blob: all of them, or where to go on.
@@ -496,6 +515,8 @@ Result<std::unique_ptr<Door>> Door::start(DoorOptions options) {
   impl.render = v1::Render::NewStub(impl.options.channel);
   impl.admin = v1::Admin::NewStub(impl.options.channel);
   impl.blobs = v1::Blobs::NewStub(impl.options.channel);
+  impl.jobs = v1::Jobs::NewStub(impl.options.channel);
+  impl.farm = v1::Farm::NewStub(impl.options.channel);
   if (impl.options.sceneBytes) impl.gltf = std::make_unique<GltfRenderer>(impl.options.channel, impl.options.sceneBytes);
   impl.schema = schemaJson(*v1::RenderRequest::descriptor());
   self->address_ = bound.served;

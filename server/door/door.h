@@ -5,6 +5,7 @@
 //   GET  /, /NAME            the viewer (clients/viewer)
 //   GET  /v1/schema          what a request may hold: fields, kinds, ranges, defaults, help (schema.h)
 //   GET  /v1/status          StatusReply
+//   GET  /v1/jobs            ListJobsReply, the newest 50, without spec.request     GET /v1/workers  WorkersReply (Farm.Workers: needs the worker or admin right of a token)
 //   GET  /v1/scenes          ListScenesReply          POST /v1/scenes {"source"}   SceneInfo (Open)
 //   GET  /v1/scenes/ID       SceneInfo
 //   GET  /v1/blobs/SHA256?bytes=N           {"received"}: how much of that file is there    POST ...?bytes=N&offset=K   the file from there on, as it is
@@ -36,7 +37,7 @@ namespace gobo {
 
 struct DoorOptions {
   std::string listen;                                     ///< HOST:PORT; port 0 picks one
-  std::shared_ptr<grpc::Channel> channel;                 ///< whose Scenes, Render, Blobs and Admin it calls
+  std::shared_ptr<grpc::Channel> channel;                 ///< whose Scenes, Render, Blobs, Admin, Jobs and Farm it calls
   bool tellsPeer = false;                                 ///< the channel is inside the process and the server is to see callers as those of a socket (rpc.h)
   std::string secret;                                     ///< if set: the bearer token that callers must send; it ends here
   std::string authorization;                              ///< with a secret: what the channel's calls send as their own authorization; may be empty

@@ -214,8 +214,10 @@ Status FarmService::complete(const v1::CompletionReport& report) {
     if (::stat(files().resultPath(lease.task.job, f.sha256()).c_str(), &info) != 0 || uint64_t(info.st_size) != f.bytes())
       return invalidArgument("file " + f.sha256() + " of output " + escaped(f.output().substr(0, 80)) + " was not put", "files");
   }
+  const std::vector<v1::FrameFile> done(report.files().begin(), report.files().end());
   GOBO_ASSIGN(const auto parts, store().parts(lease.task));
-  GOBO_TRY(store().complete(lease, {report.files().begin(), report.files().end()}, report.seconds()));
+  GOBO_TRY(core_.durable->out().deliver(store(), files(), lease, done));
+  GOBO_TRY(store().complete(lease, done, report.seconds()));
   for (const v1::FrameFile& part : parts) files().remove(files().resultPath(lease.task.job, part.sha256()));
   files().removeCheckpoints(lease.task);
   book_.ended(lease.task, lease.token, WorkerBook::End::Done);

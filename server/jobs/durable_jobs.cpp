@@ -23,6 +23,7 @@ Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunne
   self->keepSeconds_ = config.jobsKeepDays * 86400;
   bool alone = false;
   GOBO_TRY(self->files_.open(config.jobsFolder, alone));
+  self->out_.open(config.jobsOutFolder);
   const bool farm = !config.jobsStore.empty();
   if (farm) {
     GOBO_ASSIGN(self->store_, openPostgresStore(self->files_, config.jobsStore));
@@ -58,6 +59,7 @@ Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunne
   options.leaseSeconds = config.jobsLeaseSeconds;
   options.checkpointSeconds = config.jobsCheckpointSeconds;
   options.marks = self->marks_.get();
+  options.out = &self->out_;
   options.holder = std::to_string(::getpid()) + "-" + std::to_string(random());
   self->worker_ = std::make_unique<JobWorker>(engine, runner, *self->store_, self->files_, *self->scenes_, self->hub_, options);
   const auto tell = [hub = &self->hub_](bool steered) {

@@ -7,6 +7,7 @@
 
 #include "server/config.h"
 #include "server/jobs/job_news.h"
+#include "server/jobs/job_out.h"
 #include "server/jobs/job_scenes.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/job_worker.h"
@@ -24,6 +25,7 @@ class DurableJobs {
 
   JobStore& store() { return *store_; }
   JobFiles& files() { return files_; }
+  const JobOut& out() const { return out_; }
   JobScenes& scenes() { return *scenes_; }
   JobHub& hub() { return hub_; }
   const JobWorkerStats& stats() const { return worker_->stats(); }
@@ -40,6 +42,7 @@ class DurableJobs {
   double keepSeconds_ = 0;
   Engine* engine_ = nullptr;
   JobFiles files_;
+  JobOut out_;
   std::unique_ptr<JobStore> store_;
   JobHub hub_;
   std::unique_ptr<JobNews> news_;  // of other daemons

@@ -4,6 +4,7 @@
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
+#include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <set>
@@ -11,6 +12,7 @@
 #include "request/request.h"
 #include "server/encode.h"
 #include "server/jobs/frame_parts.h"
+#include "server/jobs/out_pattern.h"
 #include "server/log.h"
 
 namespace gobo {
@@ -53,7 +55,9 @@ Status checkParts(const v1::JobSpec& spec, int64_t frames) {
                          "job.tile_px");
 }
 
-const char* extension(v1::Encoding::Format format) {
+}  // namespace
+
+const char* extensionOf(v1::Encoding::Format format) {
   switch (format) {
     case v1::Encoding::PNG: return "png";
     case v1::Encoding::JPEG: return "jpg";
@@ -63,14 +67,37 @@ const char* extension(v1::Encoding::Format format) {
   }
 }
 
-std::string plain(const std::string& text) {
+std::string plainText(const std::string& text) {
   std::string out;
   for (const unsigned char c : text) out += std::isalnum(c) || c == '-' || c == '_' || c == '.' ? char(c) : '_';
   if (!out.empty() && out[0] == '.') out[0] = '_';
   return out;
 }
 
-}  // namespace
+std::string plainName(const v1::JobSpec& spec) {
+  const std::string name = plainText(spec.name().empty() ? spec.request().scene() : spec.name());
+  return name.empty() ? "job" : name;
+}
+
+Result<std::vector<int64_t>> parseJobIds(const google::protobuf::RepeatedPtrField<std::string>& ids, const std::string& field) {
+  if (ids.size() > kMostNeeds) return invalidArgument(strf("%s: %d jobs, at most %d", field.c_str(), ids.size(), kMostNeeds), field);
+  std::vector<int64_t> out;
+  std::set<int64_t> seen;
+  for (int i = 0; i < ids.size(); ++i) {
+    const std::string where = strf("%s[%d]", field.c_str(), i), said = "'" + escaped(ids[i].substr(0, 80)) + "'";
+    const int64_t id = jobIdOf(ids[i]);
+    if (!id) return notFound(where + ": no job " + said, where);
+    if (!seen.insert(id).second) return invalidArgument(where + ": " + said + " is there twice", where);
+    out.push_back(id);
+  }
+  return out;
+}
+
+bool jobHasFrame(const v1::JobSpec& spec, int64_t frame) {
+  const v1::FrameRange& range = spec.frames();
+  if (!range.numbers().empty()) return std::find(range.numbers().begin(), range.numbers().end(), frame) != range.numbers().end();
+  return frame >= range.first() && frame <= range.last() && (frame - range.first()) % std::max(1u, range.step()) == 0;
+}
 
 std::string specDigest(const v1::JobSpec& sent) {
   std::string bytes;
@@ -96,6 +123,10 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
   if (!spec.has_request()) return invalidArgument("job.request: must be given", "job.request");
   if (spec.request().halt().has_time_s())
     return invalidArgument("job.request.halt.time_s: a job's result must be repeatable: halt by spp or error", "job.request.halt.time_s");
+  GOBO_ASSIGN(job.after, parseJobIds(spec.after(), "job.after"));
+  spec.clear_after();
+  for (int64_t id : job.after) spec.add_after(jobIdText(id));  // as they are written everywhere
+  GOBO_TRY(checkOutPattern(spec.out()));
   spec.mutable_request()->clear_scheduling();
   const auto curves = spec.request().curves();  // each frame's time has its own values
   const auto expressions = spec.request().expressions();
@@ -127,6 +158,7 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
   if (job.parts && planned.location() == "request.window")
     return Status(planned.code(), strf("job.tile_px = %u: ", spec.tile_px()) + planned.message(), "job.tile_px");
   GOBO_TRY(planned);
+  GOBO_TRY(checkOutPaths(spec, job.frames, stop));
   job.sceneHash = spec.request().scene_hash();
   return job;
 }
@@ -138,11 +170,10 @@ v1::RenderRequest frameRequest(const v1::JobSpec& spec, int64_t frame) {
 }
 
 std::string resultName(const v1::JobSpec& spec, int64_t frame, const std::string& output, v1::Encoding::Format format) {
-  std::string name = plain(spec.name().empty() ? spec.request().scene() : spec.name());
-  if (name.empty()) name = "job";
+  std::string name = plainName(spec);
   name += strf(frame < 0 ? ".%05lld" : ".%04lld", (long long)frame);
-  if (spec.request().outputs_size() > 1) name += "." + plain(output);
-  return name + "." + extension(format);
+  if (spec.request().outputs_size() > 1) name += "." + plainText(output);
+  return name + "." + extensionOf(format);
 }
 
 }  // namespace gobo

@@ -3,6 +3,9 @@
 // Pure but for the engine's plan check. Thread-safe.
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "plan/engine.h"
 #include "server/jobs/job_store.h"
 
@@ -19,6 +22,16 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
 std::string specDigest(const v1::JobSpec& sent);
 /// The request of a frame: time_s = frame / fps when fps is given.
 v1::RenderRequest frameRequest(const v1::JobSpec& spec, int64_t frame);
+/// Ids of jobs as numbers, each once, at most kMostNeeds; `field` is what they are called ("job.after"). Errors: NotFound for what is no id, InvalidArgument; both
+/// name FIELD[K].
+constexpr int kMostNeeds = 200;
+Result<std::vector<int64_t>> parseJobIds(const google::protobuf::RepeatedPtrField<std::string>& ids, const std::string& field);
+bool jobHasFrame(const v1::JobSpec& resolved, int64_t frame);
+/// The spec's name, or its scene's, with "_" for characters that do not belong into a file name; never empty, never begins with a dot.
+std::string plainName(const v1::JobSpec& spec);
+std::string plainText(const std::string& text);
+/// "exr", of the encoding.
+const char* extensionOf(v1::Encoding::Format format);
 /// "NAME.0007.beauty.exr"; characters that do not belong into a file name become "_".
 std::string resultName(const v1::JobSpec& spec, int64_t frame, const std::string& output, v1::Encoding::Format format);
 

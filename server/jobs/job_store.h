@@ -33,6 +33,7 @@ struct NewJob {
   std::string environmentDigest;                  ///< sha256 of the environment's file, or empty
   std::vector<int64_t> frames;
   uint32_t parts = 0;  ///< of each frame; 0: not split
+  std::vector<int64_t> after;  ///< jobs that must be done first; each once
 };
 
 struct JobFilter {
@@ -41,6 +42,14 @@ struct JobFilter {
   int64_t before = 0;  ///< ids below this one; 0: any
   uint32_t limit = 50;
   uint64_t bytes = UINT64_MAX;  ///< ends with the job that passes this sum
+};
+
+/// Which entries of a job's log.
+struct JobLogFilter {
+  std::vector<int64_t> frames;  ///< numbers; all, and what is of the job itself, if empty
+  uint64_t after = 0;           ///< greater sequences only
+  uint32_t most = 1000;         ///< the newest of them
+  uint64_t bytes = UINT64_MAX;  ///< fewer, when messages are long; at least one
 };
 
 /// The job ids that a store has given: what else lies in the folder is not its to remove.
@@ -73,7 +82,14 @@ class JobStore : public TaskStore {
   /// or results are gone (expireResults); ResourceExhausted as submit.
   virtual Status retry(int64_t id) = 0;
   virtual Status prioritize(int64_t id, v1::JobSpec::Priority priority) = 0;
-  virtual Status remove(int64_t id) = 0;  ///< FailedPrecondition unless it is over
+  /// What a job waits for, in place of what it waited for; of one that is over, nothing is all that it may be told. Those that are done are not waited for. Errors: NotFound at "after[K]";
+  /// InvalidArgument for a circle, naming the shortest way round; FailedPrecondition for one that is over and `after`.
+  virtual Status depend(int64_t id, const std::vector<int64_t>& after) = 0;
+  /// FailedPrecondition unless it is over, and while others wait for it, naming them.
+  virtual Status remove(int64_t id) = 0;
+  /// Oldest first. Each change writes its entry in its own transaction; JobStoreOptions::logEntries of a job are kept. Of changes that are made at the same
+  /// moment one may be seen before another that has a smaller sequence.
+  virtual Result<std::vector<v1::JobLogEntry>> log(int64_t id, const JobLogFilter& filter) = 0;
 
   /// Ends leases whose time has passed, and fails jobs past their deadline. The number of both.
   virtual Result<uint64_t> expireLeases() = 0;

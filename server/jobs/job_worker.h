@@ -13,6 +13,7 @@
 #include "server/jobs/crash_marks.h"
 #include "server/jobs/job_files.h"
 #include "server/jobs/job_hub.h"
+#include "server/jobs/job_out.h"
 #include "server/jobs/task_scenes.h"
 
 namespace gobo {
@@ -24,6 +25,7 @@ struct JobWorkerOptions {
   std::string holder;             ///< names this process in the store
   double pollSeconds = 0.5;       ///< between claims when nothing was ready: other processes submit too, and retries become ready
   CrashMarks* marks = nullptr;    ///< may be null
+  const JobOut* out = nullptr;    ///< null elsewhere than beside the store: the daemon that has it writes the files
 };
 
 struct JobWorkerStats {

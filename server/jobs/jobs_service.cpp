@@ -16,6 +16,8 @@ const Status kOff(Code::FailedPrecondition, "jobs are switched off: set folder i
                   "jobs.folder");
 
 constexpr uint64_t kPageBytes = 8 << 20;  // of one reply of List
+constexpr uint64_t kLogBytes = 3 << 20;   // of one of Log: clients take 4 MiB unless they are told otherwise
+constexpr int kLogFrames = 1000;
 
 /// The caller is bound to the jobs of its own token.
 bool bound(const Rpc& rpc) { return rpc.who().token && !rpc.who().admin; }
@@ -31,6 +33,18 @@ Result<JobRecord> JobsService::read(const Rpc& rpc, const std::string& text, boo
   if (bound(rpc) && record.job.spec().client() != rpc.who().name) return none;
   core_.durable->hub().overlay(record);
   return record;
+}
+
+Result<std::vector<int64_t>> JobsService::readNeeds(const Rpc& rpc, const google::protobuf::RepeatedPtrField<std::string>& ids, const std::string& field) {
+  GOBO_ASSIGN(const std::vector<int64_t> needs, parseJobIds(ids, field));
+  for (size_t i = 0; i < needs.size(); ++i) {
+    const auto record = core_.durable->store().get(needs[i], false);
+    const bool hidden = record.ok() && bound(rpc) && record->job.spec().client() != rpc.who().name;
+    const std::string where = strf("%s[%zu]", field.c_str(), i);
+    if (hidden || record.status().code() == Code::NotFound) return notFound(where + ": no job '" + jobIdText(needs[i]) + "'", where);
+    if (!record.ok()) return record.status();
+  }
+  return needs;
 }
 
 grpc::Status JobsService::Submit(grpc::ServerContext* context, const v1::JobSpec* spec, v1::Job* reply) {
@@ -49,6 +63,9 @@ grpc::Status JobsService::submit(Rpc& rpc, const v1::JobSpec& spec, v1::Job* rep
   auto id = jobs.store().findKey(*client, spec.key(), specDigest(spec));
   if (!id.ok()) return toGrpc(id.status());
   if (*id == 0) {
+    if (const auto needs = readNeeds(rpc, spec.after(), "job.after"); !needs.ok()) return toGrpc(needs.status());
+    if (!spec.out().empty() && !jobs.out().on())
+      return toGrpc({Code::FailedPrecondition, "job.out: this daemon writes no files of jobs: set out_folder in its [jobs] section (docs/operations.md)", "job.out"});
     const double now = std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
     // Before anything is opened: an answer must not tell which files exist where the caller may not look.
     const grpc::Status path = checkPath(rpc, spec.request().environment().path(), "job.request.environment.path");
@@ -182,6 +199,49 @@ grpc::Status JobsService::Prioritize(grpc::ServerContext* c, const v1::Prioritiz
         return core_.durable->store().prioritize(record.id, r->priority());
       },
       reply);
+}
+
+grpc::Status JobsService::Depend(grpc::ServerContext* c, const v1::DependRequest* r, v1::Job* reply) {
+  return serve(core_, *c, "depend", [&](Rpc& rpc) -> grpc::Status {
+    ServerCore::Call call(core_);
+    if (!call.ok) return rpc.refuseDraining();
+    rpc.note("job", r->id().substr(0, 80));
+    auto record = read(rpc, r->id(), false);
+    if (!record.ok()) return toGrpc(record.status());
+    const auto needs = readNeeds(rpc, r->after(), "after");
+    if (!needs.ok()) return toGrpc(needs.status());
+    const Status status = core_.durable->store().depend(record->id, *needs);
+    if (!status.ok()) return toGrpc(status);
+    core_.durable->hub().queued();  // what waits for nothing any more
+    record = read(rpc, r->id(), false);
+    if (!record.ok()) return toGrpc(record.status());
+    *reply = std::move(record->job);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status JobsService::Log(grpc::ServerContext* c, const v1::JobLogRequest* r, v1::JobLogReply* reply) {
+  return serve(core_, *c, "job_log", [&](Rpc& rpc) {
+    rpc.quiet();
+    return toGrpc(log(rpc, *r, reply));
+  });
+}
+
+Status JobsService::log(const Rpc& rpc, const v1::JobLogRequest& request, v1::JobLogReply* reply) {
+  GOBO_ASSIGN(const JobRecord record, read(rpc, request.id(), false));
+  if (request.most() > 10000) return invalidArgument(strf("most = %u: must be at most 10000", request.most()), "most");
+  if (request.frames_size() > kLogFrames) return invalidArgument(strf("frames: %d frames, at most %d", request.frames_size(), kLogFrames), "frames");
+  JobLogFilter filter;
+  for (const int64_t frame : request.frames()) {
+    if (!jobHasFrame(record.job.spec(), frame)) return invalidArgument(strf("frames: the job has no frame %lld", (long long)frame), "frames");
+    filter.frames.push_back(frame);
+  }
+  filter.after = request.after();
+  if (request.most()) filter.most = request.most();
+  filter.bytes = kLogBytes;
+  GOBO_ASSIGN(const std::vector<v1::JobLogEntry> entries, core_.durable->store().log(record.id, filter));
+  reply->mutable_entries()->Add(entries.begin(), entries.end());
+  return {};
 }
 
 grpc::Status JobsService::Delete(grpc::ServerContext* context, const v1::DeleteJobRequest* request, v1::DeleteJobReply*) {

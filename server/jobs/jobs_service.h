@@ -23,6 +23,8 @@ class JobsService final : public v1::Jobs::Service {
   grpc::Status Resume(grpc::ServerContext*, const v1::ResumeJobRequest*, v1::Job*) override;
   grpc::Status Retry(grpc::ServerContext*, const v1::RetryJobRequest*, v1::Job*) override;
   grpc::Status Prioritize(grpc::ServerContext*, const v1::PrioritizeJobRequest*, v1::Job*) override;
+  grpc::Status Depend(grpc::ServerContext*, const v1::DependRequest*, v1::Job*) override;
+  grpc::Status Log(grpc::ServerContext*, const v1::JobLogRequest*, v1::JobLogReply*) override;
   grpc::Status Watch(grpc::ServerContext*, const v1::WatchJobRequest*, grpc::ServerWriter<v1::JobEvent>*) override;
   grpc::Status Fetch(grpc::ServerContext*, const v1::FetchRequest*, grpc::ServerWriter<v1::FetchReply>*) override;
   grpc::Status Delete(grpc::ServerContext*, const v1::DeleteJobRequest*, v1::DeleteJobReply*) override;
@@ -36,6 +38,9 @@ class JobsService final : public v1::Jobs::Service {
   grpc::Status fetch(Rpc& rpc, const v1::FetchRequest& request, grpc::ServerWriter<v1::FetchReply>& writer);
   /// NotFound for a job of somebody else as for one that does not exist.
   Result<JobRecord> read(const Rpc& rpc, const std::string& id, bool frames);
+  /// The jobs that one is to wait for, all of them the caller's to see. Errors: as parseJobIds.
+  Result<std::vector<int64_t>> readNeeds(const Rpc& rpc, const google::protobuf::RepeatedPtrField<std::string>& ids, const std::string& field);
+  Status log(const Rpc& rpc, const v1::JobLogRequest& request, v1::JobLogReply* reply);
   Status sendFile(Rpc&, grpc::ServerWriter<v1::FetchReply>&, int64_t job, const v1::Frame& frame, const v1::FrameFile& file, uint64_t offset);
   ServerCore& core_;
 };

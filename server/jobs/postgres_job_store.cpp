@@ -193,7 +193,7 @@ Status PostgresJobStore::firstReady(const std::string& client, std::optional<Lea
   {
     // The subquery is evaluated job by job in the order of job_order, until one has a ready frame.
     SqlQuery q(db_,
-               "SELECT j.id, j.state FROM job j WHERE j.state IN (1, 2) AND j.client = ?1"
+               "SELECT j.id, j.state FROM job j WHERE j.state IN (1, 2) AND j.client = ?1 AND NOT EXISTS (SELECT 1 FROM depend d WHERE d.job = j.id)"
                " AND (SELECT 1 FROM task r WHERE r.job = j.id AND r.state = 1 AND r.waits = 0 AND r.ready <= ?2 ORDER BY r.idx LIMIT 1) IS NOT NULL"
                " ORDER BY j.client, j.priority DESC, coalesce(j.deadline, 1e300), j.id LIMIT ?3");
     q.bind(client).bind(uptime()).bind(int64_t(passed_.size() + 1));
@@ -213,7 +213,10 @@ Status PostgresJobStore::firstReady(const std::string& client, std::optional<Lea
     GOBO_TRY(q.status());
     if (found != v1::Job::RUNNING && !(whole && found == v1::Job::QUEUED)) return again;  // it was steered, or went idle: look anew
   }
-  SqlQuery q(db_, "SELECT idx, frame, progress FROM task WHERE job = ?1 AND state = 1 AND waits = 0 AND ready <= ?2 ORDER BY idx LIMIT 1 FOR UPDATE SKIP LOCKED");
+  // Asked again, now that the job is locked: it may have been told to wait meanwhile.
+  SqlQuery q(db_,
+             "SELECT idx, frame, progress FROM task WHERE job = ?1 AND state = 1 AND waits = 0 AND ready <= ?2"
+             " AND NOT EXISTS (SELECT 1 FROM depend d WHERE d.job = ?1) ORDER BY idx LIMIT 1 FOR UPDATE SKIP LOCKED");
   q.bind(job).bind(uptime());
   while (q.next()) {
     lease.emplace();

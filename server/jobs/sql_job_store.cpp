@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Submitting, reading and steering jobs; sql_job_tasks.cpp has the tasks.
+// Submitting, reading and steering jobs; sql_job_tasks.cpp has the tasks, sql_job_depend.cpp who waits for whom, sql_job_log.cpp the log.
 #include "server/jobs/sql_job_store.h"
 
 #include <algorithm>
@@ -179,6 +179,8 @@ Result<int64_t> SqlJobStore::submit(const NewJob& n, bool& existed) {
         GOBO_TRY(q.status());
       }
       GOBO_TRY(addTasks(id, n.frames, n.parts, revision));
+      GOBO_TRY(addNeeds(id, n.after, "job.after"));
+      GOBO_TRY(noteJob(id, v1::JobLogEntry::SUBMITTED));
       return tell(News::Work);
     });
     if (raced) continue;
@@ -197,6 +199,8 @@ Result<JobRecord> SqlJobStore::readJob(int64_t id) {
     if (!q.status().ok()) return q.status();
   }
   if (!record.id) return noJob(id);
+  GOBO_ASSIGN(const std::vector<int64_t> needs, needsOf(id));
+  for (int64_t need : needs) record.job.add_waits_for(jobIdText(need));
   GOBO_ASSIGN(record.revision, revision());
   return record;
 }
@@ -207,7 +211,7 @@ Status SqlJobStore::readFrames(const JobRecord& record, uint64_t after, v1::Job&
   {
     Query q(db(),
             "SELECT idx, frame, state, failures, progress, spp, error_code, error, seconds,"
-            " (SELECT digest FROM checkpoint c WHERE c.job = task.job AND c.idx = task.idx ORDER BY bytes DESC LIMIT 1)"
+            " (SELECT digest FROM checkpoint c WHERE c.job = task.job AND c.idx = task.idx ORDER BY bytes DESC LIMIT 1), holder"
             " FROM task WHERE job = ?1 AND revision > ?2 AND whole IS NULL ORDER BY idx");
     q.bind(id).bind(after);
     while (q.next()) {
@@ -224,6 +228,7 @@ Status SqlJobStore::readFrames(const JobRecord& record, uint64_t after, v1::Job&
       }
       f.set_seconds(q.real(8));
       f.set_checkpoint(q.text(9));
+      if (f.state() == v1::Frame::RUNNING || f.state() == v1::Frame::DONE) f.set_holder(q.text(10));
     }
     GOBO_TRY(q.status());
   }
@@ -279,7 +284,9 @@ Result<std::vector<v1::Job>> SqlJobStore::list(const JobFilter& filter) {
       jobs.push_back(jobOf(q).job);
       bytes += jobs.back().ByteSizeLong();
     }
-    return q.status();
+    GOBO_TRY(q.status());
+    if (jobs.empty()) return {};
+    return readNeeds(jobIdOf(jobs.back().id()), jobIdOf(jobs.front().id()), jobs);
   }));
   return jobs;
 }
@@ -291,6 +298,7 @@ Status SqlJobStore::cancel(int64_t id) {
     GOBO_ASSIGN(const JobRecord record, readJob(id));
     if (jobIsOver(record.job.state())) return {};
     GOBO_ASSIGN(const uint64_t revision, nextRevision());
+    GOBO_TRY(noteJob(id, v1::JobLogEntry::CANCELLED));
     GOBO_TRY(endJob(id, v1::Job::CANCELLED, {}, revision));
     return tell(News::Steered);
   });
@@ -302,8 +310,14 @@ Status SqlJobStore::pause(int64_t id) {
     GOBO_TRY(lockJob(id, Hold::Whole));
     GOBO_TRY(readJob(id).status());
     GOBO_ASSIGN(const uint64_t revision, nextRevision());
-    Query q(db(), "UPDATE job SET state = 3, revision = ?2 WHERE id = ?1 AND state IN (1, 2)");
-    GOBO_TRY(q.bind(id).bind(revision).run());
+    bool changed = false;
+    {
+      Query q(db(), "UPDATE job SET state = 3, revision = ?2 WHERE id = ?1 AND state IN (1, 2) RETURNING id");
+      q.bind(id).bind(revision);
+      while (q.next()) changed = true;
+      GOBO_TRY(q.status());
+    }
+    if (changed) GOBO_TRY(noteJob(id, v1::JobLogEntry::PAUSED));
     return tell(News::Steered);
   });
 }
@@ -314,10 +328,16 @@ Status SqlJobStore::resume(int64_t id) {
     GOBO_TRY(lockJob(id, Hold::Whole));
     GOBO_TRY(readJob(id).status());
     GOBO_ASSIGN(const uint64_t revision, nextRevision());
-    Query q(db(),
-            "UPDATE job SET state = CASE WHEN EXISTS(SELECT 1 FROM task WHERE job = ?1 AND state = 2) THEN 2 ELSE 1 END, revision = ?2 WHERE id = ?1 AND state "
-            "= 3");
-    GOBO_TRY(q.bind(id).bind(revision).run());
+    bool changed = false;
+    {
+      Query q(db(),
+              "UPDATE job SET state = CASE WHEN EXISTS(SELECT 1 FROM task WHERE job = ?1 AND state = 2) THEN 2 ELSE 1 END, revision = ?2"
+              " WHERE id = ?1 AND state = 3 RETURNING id");
+      q.bind(id).bind(revision);
+      while (q.next()) changed = true;
+      GOBO_TRY(q.status());
+    }
+    if (changed) GOBO_TRY(noteJob(id, v1::JobLogEntry::RESUMED));
     return tell(News::Steered);
   });
 }
@@ -361,6 +381,7 @@ Status SqlJobStore::retry(int64_t id) {
             "UPDATE job SET state = CASE WHEN state = 3 THEN 3 WHEN EXISTS(SELECT 1 FROM task WHERE job = ?1 AND state = 2) THEN 2 ELSE 1 END,"
             " failed = 0, error_code = 0, error = '', ended = 0, ended_uptime = 0, revision = ?2 WHERE id = ?1");
     GOBO_TRY(q.bind(id).bind(revision).run());
+    GOBO_TRY(noteJob(id, v1::JobLogEntry::RETRIED));
     return tell(News::Work);
   });
 }
@@ -374,6 +395,7 @@ Status SqlJobStore::prioritize(int64_t id, v1::JobSpec::Priority priority) {
     record.job.mutable_spec()->set_priority(priority);
     Query q(db(), "UPDATE job SET priority = ?2, spec = ?3, revision = ?4 WHERE id = ?1");
     GOBO_TRY(q.bind(id).bind(int(priority)).blob(record.job.spec().SerializeAsString()).bind(revision).run());
+    GOBO_TRY(noteJob(id, v1::JobLogEntry::PRIORITIZED));
     return tell(News::Work);
   });
 }
@@ -385,6 +407,7 @@ Status SqlJobStore::remove(int64_t id) {
     GOBO_ASSIGN(const JobRecord record, readJob(id));
     if (!jobIsOver(record.job.state()))
       return {Code::FailedPrecondition, jobIdText(id) + " is " + v1::Job::State_Name(record.job.state()) + ": cancel it first", "id"};
+    GOBO_TRY(checkNobodyWaits(id));
     Query q(db(), "DELETE FROM job WHERE id = ?1");
     return q.bind(id).run();
   });

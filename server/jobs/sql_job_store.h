@@ -25,6 +25,7 @@ struct JobStoreOptions {
   double retrySeconds = 1;            ///< wait before the second attempt; doubles, at most a minute
   uint32_t maxLosses = 25;            ///< leases lost in a row without a checkpoint: a frame that kills its worker each time
   uint64_t maxActiveTasks = 1000000;  ///< of jobs that are not over; more: ResourceExhausted
+  uint32_t logEntries = 10000;        ///< of a job's log that are kept, and some more until they are pruned
   std::function<Status(const char* sql)> step;  ///< see Sqlite::step, Postgres::step
 };
 
@@ -43,7 +44,9 @@ class SqlJobStore : public JobStore {
   Status resume(int64_t id) override;
   Status retry(int64_t id) override;
   Status prioritize(int64_t id, v1::JobSpec::Priority priority) override;
+  Status depend(int64_t id, const std::vector<int64_t>& after) override;
   Status remove(int64_t id) override;
+  Result<std::vector<v1::JobLogEntry>> log(int64_t id, const JobLogFilter& filter) override;
 
   Result<std::optional<Lease>> claim(const std::string& holder, double leaseSeconds) override;
   Result<v1::Job::State> renew(Lease& lease, double leaseSeconds) override;
@@ -131,6 +134,19 @@ class SqlJobStore : public JobStore {
   Status settle(int64_t job, uint64_t revision);  ///< job done or failed when no frame is left
   Status idle(int64_t job, uint64_t revision);    ///< a running job none of whose frames runs is a queued one again
   Status endJob(int64_t job, v1::Job::State state, const Status& reason, uint64_t revision);
+  Status ended(int64_t job, v1::Job::State state);  ///< what follows from the end of a job
+  // sql_job_depend.cpp
+  Status addNeeds(int64_t job, const std::vector<int64_t>& needs, const char* field);
+  Result<std::vector<int64_t>> needsOf(int64_t job);
+  Status checkCircle(int64_t job);
+  Status checkNobodyWaits(int64_t job);
+  Status letDependentsGo(int64_t job);
+  Status readNeeds(int64_t first, int64_t last, std::vector<v1::Job>& jobs);  ///< waits_for of jobs whose ids are in first..last
+  // sql_job_log.cpp
+  Status noteJob(int64_t job, v1::JobLogEntry::Kind kind);
+  /// Its holder is whose the task is in this moment: call it before that is cleared.
+  Status noteTask(TaskId id, v1::JobLogEntry::Kind kind, const Status& reason = {}, double seconds = 0);
+  Status noted(SqlQuery& insert, int64_t job);
   Result<JobRecord> readJob(int64_t id);
   Status readFrames(const JobRecord& record, uint64_t after, v1::Job& job);
   Status roomFor(uint64_t frames);

@@ -74,6 +74,7 @@ Result<std::optional<Lease>> SqlJobStore::claim(const std::string& holder, doubl
       Query q(db(), "UPDATE task SET state = 2, token = ?3, holder = ?4, expires = ?5, revision = ?6 WHERE job = ?1 AND idx = ?2");
       GOBO_TRY(q.bind(lease->task.job).bind(lease->task.index).bind(lease->token).bind(holder).bind(lease->expires).bind(revision).run());
     }
+    GOBO_TRY(noteTask(lease->task, v1::JobLogEntry::CLAIMED));
     // The row of a job that runs already is left alone: claims of its other frames need not wait.
     Query q(db(),
             "UPDATE job SET state = 2, started = CASE WHEN started = 0 THEN ?2 ELSE started END, revision = ?3 WHERE id = ?1 AND (state <> 2 OR started = 0)");
@@ -187,8 +188,9 @@ Status SqlJobStore::complete(const Lease& lease, const std::vector<v1::FrameFile
       Query q(db(), "DELETE FROM checkpoint WHERE job = ?1 AND idx = ?2");
       GOBO_TRY(q.bind(lease.task.job).bind(lease.task.index).run());
     }
-    {
-      Query q(db(), "UPDATE task SET state = 3, holder = '', progress = 1, seconds = seconds + ?3, revision = ?4 WHERE job = ?1 AND idx = ?2");
+    GOBO_TRY(noteTask(lease.task, v1::JobLogEntry::DONE, {}, seconds));
+    {  // holder stays: who finished it
+      Query q(db(), "UPDATE task SET state = 3, progress = 1, seconds = seconds + ?3, revision = ?4 WHERE job = ?1 AND idx = ?2");
       GOBO_TRY(q.bind(lease.task.job).bind(lease.task.index).bind(seconds).bind(revision).run());
     }
     {
@@ -212,6 +214,7 @@ Status SqlJobStore::fail(const Lease& lease, const FailedReport& report) {
     GOBO_TRY(held(lease).status());
     GOBO_ASSIGN(const uint64_t revision, nextRevision());
     const bool last = !report.retry || row.failures + 1 >= row.maxAttempts;
+    GOBO_TRY(noteTask(lease.task, v1::JobLogEntry::FAILED, report.reason));
     {
       Query q(db(),
               "UPDATE task SET state = 1, holder = '', failures = failures + 1, ready = ?3, error_code = ?4, error = ?5, revision = ?6 WHERE job = ?1 AND idx "
@@ -257,10 +260,21 @@ Status SqlJobStore::setFailure(TaskId id, const Status& reason, uint64_t revisio
 
 Status SqlJobStore::settle(int64_t job, uint64_t revision) {
   GOBO_ASSIGN(const double clock, endedAt());
-  Query q(db(),
-          "UPDATE job SET state = CASE WHEN failed > 0 THEN 5 ELSE 4 END, ended = ?2, revision = ?3, ended_uptime = ?4 WHERE id = ?1 AND state IN (1, 2, 3) "
-          "AND done + failed >= frames");
-  return q.bind(job).bind(now()).bind(revision).bind(clock).run();
+  int64_t state = 0;
+  {
+    Query q(db(),
+            "UPDATE job SET state = CASE WHEN failed > 0 THEN 5 ELSE 4 END, ended = ?2, revision = ?3, ended_uptime = ?4 WHERE id = ?1 AND state IN (1, 2, 3) "
+            "AND done + failed >= frames RETURNING state");
+    q.bind(job).bind(now()).bind(revision).bind(clock);
+    while (q.next()) state = q.integer(0);
+    GOBO_TRY(q.status());
+  }
+  return state ? ended(job, v1::Job::State(state)) : Status();
+}
+
+Status SqlJobStore::ended(int64_t job, v1::Job::State state) {
+  GOBO_TRY(noteJob(job, v1::JobLogEntry::ENDED));
+  return state == v1::Job::DONE ? letDependentsGo(job) : Status();
 }
 
 Status SqlJobStore::endJob(int64_t job, v1::Job::State state, const Status& reason, uint64_t revision) {
@@ -276,8 +290,11 @@ Status SqlJobStore::endJob(int64_t job, v1::Job::State state, const Status& reas
     GOBO_TRY(q.bind(job).run());
   }
   GOBO_ASSIGN(const double clock, endedAt());
-  Query q(db(), "UPDATE job SET state = ?2, error_code = ?3, error = ?4, ended = ?5, revision = ?6, ended_uptime = ?7 WHERE id = ?1");
-  return q.bind(job).bind(int(state)).bind(int(reason.code())).bind(reason.message()).bind(now()).bind(revision).bind(clock).run();
+  {
+    Query q(db(), "UPDATE job SET state = ?2, error_code = ?3, error = ?4, ended = ?5, revision = ?6, ended_uptime = ?7 WHERE id = ?1");
+    GOBO_TRY(q.bind(job).bind(int(state)).bind(int(reason.code())).bind(reason.message()).bind(now()).bind(revision).bind(clock).run());
+  }
+  return ended(job, state);
 }
 
 Status SqlJobStore::release(const Lease& lease) {
@@ -293,6 +310,7 @@ Status SqlJobStore::release(const Lease& lease) {
 
 Status SqlJobStore::endLease(TaskId id, bool lost, uint64_t revision) {
   GOBO_ASSIGN(const uint64_t token, nextToken());
+  GOBO_TRY(noteTask(id, lost ? v1::JobLogEntry::LOST : v1::JobLogEntry::RELEASED));
   uint64_t losses = 0;
   {
     Query q(db(), "UPDATE task SET state = 1, holder = '', token = ?3, losses = losses + ?4, revision = ?5 WHERE job = ?1 AND idx = ?2 RETURNING losses");
@@ -301,8 +319,9 @@ Status SqlJobStore::endLease(TaskId id, bool lost, uint64_t revision) {
     GOBO_TRY(q.status());
   }
   if (lost && losses >= options_.maxLosses) {
-    GOBO_TRY(
-        setFailure(id, {Code::Aborted, strf("its worker was lost %llu times in a row before the first checkpoint", (unsigned long long)losses)}, revision));
+    const Status reason(Code::Aborted, strf("its worker was lost %llu times in a row before the first checkpoint", (unsigned long long)losses));
+    GOBO_TRY(noteTask(id, v1::JobLogEntry::SET_ASIDE, reason));
+    GOBO_TRY(setFailure(id, reason, revision));
     GOBO_TRY(settle(id.job, revision));
   }
   return idle(id.job, revision);
@@ -398,6 +417,7 @@ Status SqlJobStore::blame(TaskId id, const Status& reason, bool certain) {
       GOBO_TRY(q.status());
     }
     if (certain || losses >= options_.maxLosses) {
+      GOBO_TRY(noteTask(id, v1::JobLogEntry::SET_ASIDE, reason));
       GOBO_TRY(setFailure(id, reason, revision));
       GOBO_TRY(settle(id.job, revision));
     }

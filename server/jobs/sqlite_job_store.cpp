@@ -225,7 +225,8 @@ Status SqliteJobStore::firstReady(const std::string& client, std::optional<Lease
   SqlQuery q(db_,
              "SELECT j.id, t.idx, t.frame, t.progress FROM job j JOIN task t ON t.job = j.id AND t.idx ="
              " (SELECT idx FROM task r WHERE r.job = j.id AND r.state = 1 AND r.waits = 0 AND r.ready <= ?1 ORDER BY idx LIMIT 1)"
-             " WHERE j.state IN (1, 2) AND j.client = ?2 ORDER BY j.priority DESC, ifnull(j.deadline, 1e300), j.id LIMIT 1");
+             " WHERE j.state IN (1, 2) AND j.client = ?2 AND NOT EXISTS (SELECT 1 FROM depend d WHERE d.job = j.id)"
+             " ORDER BY j.priority DESC, ifnull(j.deadline, 1e300), j.id LIMIT 1");
   q.bind(uptime()).bind(client);
   while (q.next()) {
     lease.emplace();

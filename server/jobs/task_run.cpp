@@ -255,6 +255,7 @@ Status TaskRun::deliver(const std::vector<EncodedImage>& images) {
     f.set_height(d.height());
     GOBO_TRY(report("result file", [&] { return w_.files_.write(w_.files_.resultPath(lease_.task.job, f.sha256()), image.bytes.data(), image.bytes.size()); }));
   }
+  if (w_.options_.out) GOBO_TRY(report("file of job.out", [&] { return w_.options_.out->deliver(w_.store_, w_.files_, lease_, files); }));
   GOBO_TRY(report("completion report", [&] { return w_.store_.complete(lease_, files, ranSeconds_); }));
   for (const v1::FrameFile& part : parts_) w_.files_.remove(w_.files_.resultPath(lease_.task.job, part.sha256()));
   return {};

@@ -537,6 +537,60 @@ class Fields(PageCase):
             media()
 
 
+class Farm(unittest.TestCase):
+    """The farm's page, in front of a coordinator with one worker."""
+
+    def test_workers_and_jobs_are_shown_as_they_change(self):
+        folder = tempfile.TemporaryDirectory(prefix="gobo-farm-page-")
+        self.addCleanup(folder.cleanup)
+        with open(f"{folder.name}/coordinator.toml", "w", encoding="utf-8") as file:
+            file.write(f'[jobs]\nfolder = "{folder.name}/jobs"\nworkers = 0\n')
+        socket = f"unix:{folder.name}/s"
+        environment = os.environ | {"GOBO_SERVER": socket}
+
+        def start(*command, **more):
+            process = subprocess.Popen([os.environ["GOBO_GOBOD"], *command, "--log", "error", "--threads", "1"], **more)
+            self.addCleanup(process.wait)
+            self.addCleanup(process.kill)
+            return process
+
+        def jobs(*command):
+            return subprocess.run([os.environ["GOBO_CLI"], "jobs", *command], check=True, capture_output=True, text=True, env=environment).stdout.strip()
+
+        coordinator = start("--config", f"{folder.name}/coordinator.toml", "--listen", socket, "--web", "127.0.0.1:0", stdout=subprocess.PIPE)
+        self.addCleanup(coordinator.stdout.close)
+        port = int(re.search(rb"http://127\.0\.0\.1:(\d+)", coordinator.stdout.readline())[1])
+        page = Page(1280, 900)
+        self.addCleanup(page.close)
+        rows = "[...document.querySelectorAll('#{} tbody tr')].map((r) => [...r.cells].map((c) => c.textContent.trim()))"
+        page.go(f"http://127.0.0.1:{port}/farm.html")
+        page.until("Number(document.body?.dataset.looks) > 0")
+        self.assertEqual(page.run(rows.format("workers")), [])
+        self.assertIn("No worker attends", page.run(text("no-workers")))
+        self.assertEqual(page.run(text("no-jobs")), "No jobs.")
+        first = jobs("submit", "cornell", "--size", "16x12", "--spp", "2", "--frames", "1-3", "--name", "<b>first</b>")
+        second = jobs("submit", "cornell", "--size", "16x12", "--spp", "2", "--name", "second", "--after", first)
+        page.until(f"{rows.format('jobs')}.length === 2")
+        shown = page.run(rows.format("jobs"))
+        self.assertEqual([r[:3] + r[4:7] for r in shown], [[second, "second", "queued", "0 of 1", "0", first], [first, "<b>first</b>", "queued", "0 of 3", "0", ""]])
+        self.assertEqual(page.run("document.querySelectorAll('#jobs b').length"), 0, "texts of clients are texts")
+        worker = start("--worker", socket, "--worker-name", "one")
+        page.until(f"{rows.format('jobs')}.every((r) => r[2] === 'done')", 60)
+        shown = page.run(rows.format("jobs"))
+        self.assertEqual([r[2:7] for r in shown], [["done", "100 %", "1 of 1", "0", ""], ["done", "100 %", "3 of 3", "0", ""]])
+        page.until(f"{rows.format('workers')}[0]?.[5] === '4'")
+        name, state, since, threads, holds, done, failed = page.run(rows.format("workers"))[0]
+        self.assertEqual((name, state, threads, holds, done, failed), ("one", "attends", "1", "", "4", "0"))
+        long = jobs("submit", "cornell", "--size", "320x240", "--spp", str(1 << 18))
+        page.until(f"{rows.format('workers')}[0]?.[4] === '{long}:0'", 30)
+        jobs("cancel", long)
+        page.until(f"{rows.format('jobs')}[0]?.[2] === 'cancelled' && {rows.format('workers')}[0]?.[4] === ''", 30)
+        worker.terminate()
+        page.until(f"{rows.format('workers')}[0]?.[1] === 'left'", 30)
+        self.assertEqual(page.run(text("error")), "")
+        self.assertEqual(page.complaints(), [])
+
+
 class Ends(PageCase):
     def running(self):
         return self.daemon.get("status").get("running", 0)

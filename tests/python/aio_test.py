@@ -157,6 +157,10 @@ class Server(DaemonTest):
             self.assertIn((await c.jobs.retry(long)).state, ("queued", "running"))
             self.assertEqual((await c.jobs.prioritize(long, "low")).message.spec.priority, 1)
             await c.jobs.cancel(long)
+            waiting = await c.jobs.submit("cornell", **SMALL, after=[long])
+            self.assertEqual((await c.jobs.get(waiting)).waits_for, [long])
+            self.assertEqual((await c.jobs.depend(waiting, ())).waits_for, [])
+            self.assertEqual((await c.jobs.log(waiting, most=1000))[0].kind, "submitted")
             await c.drop_caches()
         self.run_(work)
 

@@ -30,7 +30,7 @@ from .errors import (Aborted, AlreadyExists, Cancelled, DataLoss, DeadlineExceed
                      OutOfRange, PermissionDenied, ResourceExhausted, Unauthenticated, Unavailable, Unimplemented)
 from .fields import RequestFields
 from .image import Image
-from .jobs import FrameState, Job, Jobs, JobState
+from .jobs import FrameState, Job, Jobs, JobState, LogEntry
 from .result import Certificate, Node, Result
 from .scenes import LightInfo, Scene, Scenes
 from .session import Session
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from . import aio, measurement, report, widget
 
 __all__ = ["Aborted", "AlreadyExists", "Blob", "Blobs", "Camera", "Cancellation", "Cancelled", "Certificate", "Client", "Daemon", "DataLoss", "DeadlineExceeded", "Error",
-           "FailedPrecondition", "FrameState", "Image", "Internal", "InvalidArgument", "Job", "JobState", "Jobs", "LightInfo", "Node", "NotFound",
+           "FailedPrecondition", "FrameState", "Image", "Internal", "InvalidArgument", "Job", "JobState", "Jobs", "LightInfo", "LogEntry", "Node", "NotFound",
            "OutOfRange", "PermissionDenied", "Progress", "Progressive", "RenderRequest", "RequestFields", "ResourceExhausted", "Result", "Scene", "Scenes",
            "Session", "Stream", "Tls", "Unauthenticated", "Unavailable", "Unimplemented", "aio", "blob", "camera", "connect", "exr", "local", "measurement", "report",
            "schema", "widget"]

@@ -21,7 +21,7 @@ from . import client as _client
 from . import errors
 from .cancellation import Cancellation, Stream, scope
 from .fields import Light, RequestFields
-from .jobs import Frames, Job, JobState
+from .jobs import Frames, Job, JobState, LogEntry
 from .result import Result
 from .scenes import Scene
 from .session import Session
@@ -223,11 +223,14 @@ class AsyncJobs:
 
     async def submit(self, scene: "str | os.PathLike[str] | Scene", *, frames: Frames = None, fps: Optional[float] = None, name: str = "",
                      key: Optional[str] = None, job_priority: str = "medium", deadline: Optional[float] = None, max_attempts: Optional[int] = None,
-                     tile_px: Optional[int] = None, timeout: Optional[float] = None, **fields: "Unpack[RequestFields]") -> str:
+                     tile_px: Optional[int] = None, after: Iterable[str] = (), out: str = "", timeout: Optional[float] = None,
+                     **fields: "Unpack[RequestFields]") -> str:
         """Submits a job and returns its id: see `Jobs.submit`."""
+        needs = list(after)
+
         def work(c: _client.Client) -> str:
             return c.jobs.submit(scene, frames=frames, fps=fps, name=name, key=key, job_priority=job_priority, deadline=deadline,
-                                 max_attempts=max_attempts, tile_px=tile_px, timeout, **fields).id
+                                 max_attempts=max_attempts, tile_px=tile_px, after=needs, out=out, timeout=timeout, **fields).id
         return await self._client._do(work)
 
     async def get(self, id: str, *, timeout: Optional[float] = None) -> JobState:
@@ -265,6 +268,17 @@ class AsyncJobs:
     async def prioritize(self, id: str, priority: str, *, timeout: Optional[float] = None) -> JobState:
         """See `Jobs.prioritize`."""
         return await self._client._do(lambda c: c.jobs.prioritize(id, priority, timeout=timeout))
+
+    async def depend(self, id: str, after: Iterable[str], *, timeout: Optional[float] = None) -> JobState:
+        """See `Jobs.depend`."""
+        needs = list(after)
+        return await self._client._do(lambda c: c.jobs.depend(id, needs, timeout=timeout))
+
+    async def log(self, id: str, *, frames: Optional[Iterable[int]] = None, after: int = 0, most: int = 0,
+                  timeout: Optional[float] = None) -> "List[LogEntry]":
+        """See `Jobs.log`."""
+        wanted = None if frames is None else list(frames)
+        return await self._client._do(lambda c: c.jobs.log(id, frames=wanted, after=after, most=most, timeout=timeout))
 
     async def delete(self, id: str, *, timeout: Optional[float] = None) -> None:
         """See `Jobs.delete`."""

@@ -6,7 +6,7 @@ import hashlib
 import os
 import time
 import uuid
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Iterable, Iterator, List, Optional, Tuple, Union, Unpack
 
 import numpy as np
@@ -35,6 +35,7 @@ class FrameState:
     error: str
     files: List[str]         # suggested names, once it is done
     seconds: float
+    holder: str = ""         # who renders it, or who finished it
 
 
 @dataclass(frozen=True)
@@ -53,20 +54,40 @@ class JobState:
     frames: List[FrameState]  # empty in lists and in later events of `watch`
     changed: Optional[FrameState]  # in events of `watch`: the frame that this event is about
     message: jobs_pb2.Job
+    waits_for: List[str] = field(default_factory=list)  # ids of jobs that must be done before a frame of this one starts
 
     @property
     def ended(self) -> bool:
         return self.state in _ENDED
 
 
+@dataclass(frozen=True)
+class LogEntry:
+    """One thing that happened to a job, or to a frame of it."""
+    sequence: int            # grows
+    unix_s: float
+    kind: str                # "claimed", "done", "failed", "released", "lost", "set_aside"; of the job "submitted", "paused", ..., "ended"
+    frame: Optional[int]     # None: of the job
+    part: Optional[int]      # of a frame that is rendered in parts
+    holder: str              # who has or had it
+    error: str
+    seconds: float           # of "done": rendering time
+    message: jobs_pb2.JobLogEntry
+
+
+def _entry(e: jobs_pb2.JobLogEntry) -> LogEntry:
+    return LogEntry(e.sequence, e.unix_s, jobs_pb2.JobLogEntry.Kind.Name(e.kind).lower(), e.frame if e.HasField("frame") else None,
+                    e.part if e.HasField("part") else None, e.holder, e.error.message, e.seconds, e)
+
+
 def _frame(f: jobs_pb2.Frame) -> FrameState:
     return FrameState(f.frame, jobs_pb2.Frame.State.Name(f.state).lower(), f.attempts, f.progress, f.spp, f.error.message, [x.name for x in f.files],
-                      f.seconds)
+                      f.seconds, f.holder)
 
 
 def _state(j: jobs_pb2.Job, changed: Optional[jobs_pb2.Frame] = None) -> JobState:
     return JobState(j.id, j.spec.name, jobs_pb2.Job.State.Name(j.state).lower(), j.progress, j.frames_total, j.frames_done, j.frames_failed,
-                    j.error.message, j.result_bytes, j.results_expired, [_frame(f) for f in j.frames], _frame(changed) if changed else None, j)
+                    j.error.message, j.result_bytes, j.results_expired, [_frame(f) for f in j.frames], _frame(changed) if changed else None, j, list(j.waits_for))
 
 
 def _range(frames: Frames) -> Any:
@@ -135,6 +156,13 @@ class Job:
     def prioritize(self, priority: str) -> JobState:
         return self._jobs.prioritize(self.id, priority)
 
+    def depend(self, after: Iterable[str]) -> JobState:
+        return self._jobs.depend(self.id, after)
+
+    def log(self, *, frames: Optional[Iterable[int]] = None, after: int = 0, most: int = 0) -> List[LogEntry]:
+        """See `Jobs.log`."""
+        return self._jobs.log(self.id, frames=frames, after=after, most=most)
+
     def delete(self) -> None:
         self._jobs.delete(self.id)
 
@@ -166,7 +194,8 @@ class Jobs:
 
     def submit(self, scene: "str | os.PathLike[str] | Scene", *, frames: Frames = None, fps: Optional[float] = None, name: str = "",
                key: Optional[str] = None, job_priority: str = "medium", deadline: Optional[float] = None, max_attempts: Optional[int] = None,
-               tile_px: Optional[int] = None, timeout: Optional[float] = None, **fields: "Unpack[RequestFields]") -> Job:
+               tile_px: Optional[int] = None, after: Iterable[str] = (), out: str = "", timeout: Optional[float] = None,
+               **fields: "Unpack[RequestFields]") -> Job:
         """Submits a durable job; it is on disk when this returns.
 
         Args:
@@ -177,6 +206,8 @@ class Jobs:
             job_priority: "low", "medium" or "high", between jobs; all of them wait for interactive renders.
             deadline: Unix time after which it fails.
             tile_px: each frame is rendered in squares of this side, by several workers, and put together: the same bits.
+            after: ids of jobs that must be done before a frame of this one starts.
+            out: the daemon writes each file there too, below its jobs.out_folder, such as "shots/{name}.{frame:04}.{ext}" (docs/protocol.md, "Jobs").
             fields: the request, as for `render`; files are EXR unless `format=` says otherwise.
         """
         request = render_pb2.RenderRequest()
@@ -185,7 +216,8 @@ class Jobs:
         spec = jobs_pb2.JobSpec(request=request)
         builder = Builder(spec)
         values = {"name": name, "key": key if key is not None else uuid.uuid4().hex, "priority": job_priority, "frames": _range(frames),
-                  "deadline_unix_s": deadline, "max_attempts": max_attempts, "tile_px": tile_px}
+                  "deadline_unix_s": deadline, "max_attempts": max_attempts, "tile_px": tile_px, "after": [str(id) for id in after] or None,
+                  "out": out or None}
         builder.merge(spec, {k: v for k, v in values.items() if v is not None}, "")
         if fps is not None:
             spec.frames.fps = fps
@@ -240,6 +272,22 @@ class Jobs:
         request = jobs_pb2.PrioritizeJobRequest(id=id)
         Builder(request).put("priority", priority)
         return _state(self._wire.unary(self._stub.Prioritize, request, timeout))
+
+    def depend(self, id: str, after: Iterable[str], *, timeout: Optional[float] = None) -> JobState:
+        """What a job waits for from now on, in place of what it waited for: `()` is nothing, all that a job that is over may be told."""
+        return _state(self._wire.unary(self._stub.Depend, jobs_pb2.DependRequest(id=id, after=list(after)), timeout))
+
+    def log(self, id: str, *, frames: Optional[Iterable[int]] = None, after: int = 0, most: int = 0, timeout: Optional[float] = None) -> List[LogEntry]:
+        """What happened to a job and its frames, oldest first.
+
+        Args:
+            frames: of these alone; what is of the job itself is left out then.
+            after: entries with a greater sequence only. Of changes made at the same moment one may be seen before another with a smaller
+                sequence: who follows asks again for the last seconds.
+            most: of the newest; 0: 1000, at most 10000.
+        """
+        request = jobs_pb2.JobLogRequest(id=id, frames=list(frames or ()), after=after, most=most)
+        return [_entry(e) for e in self._wire.unary(self._stub.Log, request, timeout).entries]
 
     def delete(self, id: str, *, timeout: Optional[float] = None) -> None:
         """Forgets an ended job and its files."""

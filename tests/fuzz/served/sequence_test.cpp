@@ -50,7 +50,7 @@ void addAnswers(const Outcome& out, Answers& answers) {
 }
 
 TEST(Sequence, AnyOrderOfAnyCalls) {
-  constexpr uint64_t kInputs = 20;
+  constexpr uint64_t kInputs = 30;
   Answers answers;
   const auto begun = std::chrono::steady_clock::now();
   for (uint64_t k = 0; k < kInputs; ++k) {
@@ -70,8 +70,8 @@ TEST(Sequence, EveryMethodCanSucceed) {
     add(bytes, kAlice, method);
   for (const char* method : {"Render.Render", "Render.RenderProgressive", "Render.RenderInline", "Render.Relight", "Render.Plan"})
     add(bytes, kAlice, method, kCompared);
-  for (const char* method : {"Jobs.Submit", "Jobs.Get", "Jobs.List", "Jobs.Pause", "Jobs.Resume", "Jobs.Prioritize", "Jobs.Cancel", "Jobs.Retry", "Jobs.Cancel",
-                             "Jobs.Watch", "Jobs.Fetch", "Jobs.Delete"})
+  for (const char* method : {"Jobs.Submit", "Jobs.Get", "Jobs.List", "Jobs.Pause", "Jobs.Resume", "Jobs.Prioritize", "Jobs.Depend", "Jobs.Log", "Jobs.Cancel", "Jobs.Retry",
+                             "Jobs.Cancel", "Jobs.Watch", "Jobs.Fetch", "Jobs.Delete"})
     add(bytes, kAlice, method);
   for (const char* method : {"Scenes.Unload"}) add(bytes, kAlice, method);
   for (const char* method : {"Admin.ListTerms", "Admin.PinTerms", "Admin.DropCaches", "Admin.GetStatus", "Admin.Shutdown"}) add(bytes, kRoot, method);
@@ -88,14 +88,14 @@ TEST(Sequence, WhatIsAnothersIsNotThere) {
   add(bytes, kAlice, "Scenes.Open");
   add(bytes, kAlice, "Render.Render");
   add(bytes, kAlice, "Jobs.Submit");
-  for (const char* method : {"Render.Relight", "Jobs.Get", "Jobs.Watch", "Jobs.Fetch"}) add(bytes, kBob, method);
+  for (const char* method : {"Render.Relight", "Jobs.Get", "Jobs.Depend", "Jobs.Log", "Jobs.Watch", "Jobs.Fetch"}) add(bytes, kBob, method);
   add(bytes, kBob, "Scenes.Inspect", 0x50);  // a scene of alice's, by its name
   for (int i = 0; i < 4; ++i) add(bytes, uint8_t((i % 2 ? kBob : kAlice) | kBeside), "Render.RenderProgressive", 0x10);
   const Outcome out = trySequence(bytes);
   EXPECT_EQ(out.broken, "");
   Answers answers;
   addAnswers(out, answers);
-  for (const char* method : {"Render.Relight", "Jobs.Get", "Jobs.Watch", "Jobs.Fetch", "Scenes.Inspect"})
+  for (const char* method : {"Render.Relight", "Jobs.Get", "Jobs.Depend", "Jobs.Log", "Jobs.Watch", "Jobs.Fetch", "Scenes.Inspect"})
     EXPECT_EQ(answers[method], std::set<int>{grpc::NOT_FOUND}) << method << "\n" << out.said;
   EXPECT_EQ(answers["Render.RenderProgressive"], std::set<int>{0});
 }

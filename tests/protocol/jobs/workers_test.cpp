@@ -11,6 +11,7 @@
 #include "server/farm/messages.h"
 #include "server/farm/numeric_class.h"
 #include "server/jobs/durable_jobs.h"
+#include "server/log.h"
 #include "support/small_gltf.h"
 
 namespace gobo::farm_service_test {
@@ -59,6 +60,8 @@ struct FarmCalls : ServerTest {
     c.jobsLeaseSeconds = 20;
     c.jobsCheckpointSeconds = 0.05;
     c.farmWorkers = 4;
+    c.jobsOutFolder = folder + "/shots";
+    fs::create_directories(c.jobsOutFolder);
     TokenConfig plain, worker;
     const auto secret = [](const std::string& text) { return sha256Hex(text.data(), text.size()); };
     plain.name = "plain";
@@ -683,6 +686,22 @@ TEST_F(FarmCalls, NeedsTheRightOfWorkers) {
     });
     EXPECT_EQ(putCode, may ? grpc::INVALID_ARGUMENT : grpc::PERMISSION_DENIED);
   }
+}
+
+/// The coordinator writes them, wherever the frames are rendered.
+TEST_F(FarmCalls, FilesOfJobOutOfFramesThatWorkersRender) {
+  hire(1);
+  v1::JobSpec s = spec(4, 3);
+  s.set_out("{job}/f.{frame:03}.{ext}");
+  const v1::Job job = over(submit(s).id());
+  sameBits(job);
+  for (int i = 0; i < 3; ++i) {
+    std::ifstream in(folder + strf("/shots/j-1/f.%03d.raw", i + 1), std::ios::binary);
+    EXPECT_EQ((std::string{std::istreambuf_iterator<char>(in), {}}), resultBytes(job.id(), job.frames(i))) << i;
+    EXPECT_EQ(job.frames(i).holder().rfind("farm/w0/", 0), 0u) << job.frames(i).holder();
+  }
+  EXPECT_EQ(filesUnder(folder + "/w0/shots"), 0u);
+  EXPECT_EQ(filesUnder(folder + "/shots"), 3u);
 }
 
 }  // namespace

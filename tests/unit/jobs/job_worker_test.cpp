@@ -116,6 +116,68 @@ struct Worker : test::StoreFixture {
   void breakItsBlob(bool opened);
 };
 
+// The file is where job.out says before the frame counts as done; until it can be written the report is repeated.
+TEST_F(Worker, FilesOfJobOutAreWrittenBeforeTheFrameIsDone) {
+  std::filesystem::create_directory(folder + "/shots");
+  JobOut out;
+  out.open(folder + "/shots");
+  std::atomic<int> refusals{3};
+  std::atomic<bool> early{false};
+  out.step = [&](const char* step, const std::string&) {
+    if (std::string(step) == "write" && refusals.fetch_sub(1) > 0) return Status(Code::ResourceExhausted, "disk full");
+    if (std::string(step) == "sync-folder") early = early || store->get(1, true)->job.frames(0).state() != v1::Frame::RUNNING;
+    return Status();
+  };
+  workerOptions.out = &out;
+  v1::JobSpec s = spec(4);
+  s.set_out("{job}/{frame:04}.{ext}");
+  s.set_name("x");
+  const int64_t id = put(s);
+  start();
+  ASSERT_TRUE(over(id));
+  std::ifstream in(folder + "/shots/j-1/0000.raw", std::ios::binary);
+  EXPECT_EQ((std::vector<uint8_t>{std::istreambuf_iterator<char>(in), {}}), result(id));
+  EXPECT_FALSE(early);
+  EXPECT_GE(worker->stats().repeatedReports, 3u);
+  EXPECT_EQ(get(id).frames(0).attempts(), 1u) << "that is no failure of the frame";
+}
+
+// A kill between the file and the report: another worker renders the frame again, to the same bits.
+TEST_F(Worker, AFileWrittenBeforeACrashIsReplacedByTheSame) {
+  std::filesystem::create_directory(folder + "/shots");
+  JobOut out;
+  out.open(folder + "/shots");
+  v1::JobSpec s = spec(4);
+  s.set_out("{frame}.raw");
+  const int64_t id = put(s);
+  const auto lost = claim(1000, "dead");
+  ASSERT_TRUE(lost);
+  const std::vector<uint8_t> bits = expected(s);
+  v1::FrameFile f;
+  f.set_output("beauty");
+  f.set_bytes(bits.size());
+  f.set_sha256(sha256Hex(bits.data(), bits.size()));
+  ASSERT_TRUE(files_.write(files_.resultPath(id, f.sha256()), bits.data(), bits.size()).ok());
+  ASSERT_TRUE(out.deliver(*store, files_, *lost, {f}).ok());
+  const std::string path = folder + "/shots/0.raw";
+  ASSERT_TRUE(std::filesystem::exists(path));
+  ASSERT_EQ(*store->endAllLeases(), 1u);
+  std::filesystem::resize_file(path, 3);  // to see that it is written again
+  ASSERT_TRUE(out.deliver(*store, files_, *lost, {f}).ok());
+  EXPECT_EQ(std::filesystem::file_size(path), 3u) << "whose lease is over writes nothing";
+  workerOptions.out = &out;
+  start();
+  ASSERT_TRUE(over(id));
+  std::ifstream in(path, std::ios::binary);
+  EXPECT_EQ((std::vector<uint8_t>{std::istreambuf_iterator<char>(in), {}}), bits);
+  // A daemon that was started without the folder keeps the frame: the report is repeated.
+  worker.reset();
+  put(s);
+  const auto held = claim(1000);
+  ASSERT_TRUE(held);
+  EXPECT_EQ(JobOut().deliver(*store, files_, *held, {f}).code(), Code::Unavailable);
+}
+
 TEST_F(Worker, ACheckpointedFrameGoesOnAfterARestartWithTheSameBits) {
   const v1::JobSpec s = spec(8192);
   const int64_t id = put(s);
