@@ -102,20 +102,17 @@ class Config final : public ColorConfig {
     hash_ = files_.hash;
     workingSpace_ = from_.shown;
     caution_ = from_.caution;
-    for (int d = 0; d < config_->getNumDisplays(); ++d) {
+    for (int d = 0; d < config_->getNumDisplays(); ++d) {  // active ones, in the order of active_displays and active_views: defaults come first
       Display display;
       display.name = config_->getDisplay(d);
       for (int v = 0; v < config_->getNumViews(display.name.c_str()); ++v) display.views.push_back(config_->getView(display.name.c_str(), v));
       if (display.views.empty()) continue;
-      putFirst(display.views, config_->getDefaultView(display.name.c_str()));
       const std::set<std::string> active(display.views.begin(), display.views.end());
       for (const auto type : {ocio::VIEW_DISPLAY_DEFINED, ocio::VIEW_SHARED})
         for (int v = 0; v < config_->getNumViews(type, display.name.c_str()); ++v)
           if (const std::string name = config_->getView(type, display.name.c_str(), v); !active.count(name)) display.inactive.push_back(name);
       displays_.push_back(std::move(display));
     }
-    const auto first = std::find_if(displays_.begin(), displays_.end(), [&](const Display& d) { return d.name == config_->getDefaultDisplay(); });
-    if (first != displays_.end()) std::rotate(displays_.begin(), first, first + 1);
     for (int i = 0; i < config_->getNumLooks(); ++i) looks_.push_back(config_->getLookNameByIndex(i));
   }
 
@@ -135,11 +132,6 @@ class Config final : public ColorConfig {
   }
 
  private:
-  static void putFirst(std::vector<std::string>& names, const std::string& name) {
-    const auto at = std::find(names.begin(), names.end(), name);
-    if (at != names.end()) std::rotate(names.begin(), at, at + 1);
-  }
-
   ocio::ConstConfigRcPtr config_;
   WorkingSpace from_;
   ConfigFiles files_;
