@@ -77,6 +77,17 @@ function(gobo_image_codec)
   add_dependencies(gobo_base gobo_image_codec)
 endfunction()
 
+# OpenColorIO, loaded when a config is (renderer/base/color_config.h).
+function(gobo_color)
+  add_library(gobo_color MODULE ${CMAKE_CURRENT_SOURCE_DIR}/color/ocio_config.cpp ${CMAKE_CURRENT_SOURCE_DIR}/color/files_of_config.cpp
+    ${CMAKE_CURRENT_SOURCE_DIR}/base/status.cpp ${CMAKE_CURRENT_SOURCE_DIR}/base/hash.cpp)
+  target_include_directories(gobo_color PRIVATE ${CMAKE_SOURCE_DIR}/renderer)
+  target_link_libraries(gobo_color PRIVATE PkgConfig::OpenColorIO)
+  set_target_properties(gobo_color PROPERTIES CXX_VISIBILITY_PRESET hidden UNITY_BUILD OFF)
+  install(TARGETS gobo_color DESTINATION lib/gobo)
+  add_dependencies(gobo_base gobo_color)
+endfunction()
+
 # Precompiled headers: half of a compilation is reading the same headers again. cmake/pch/HEADER.h, compiled once for all targets that may
 # include it: only definitions that the headers themselves read must be the same.
 function(gobo_precompiled_with target header library)   # and further options, of both

@@ -18,7 +18,7 @@ install(FILES deploy/gobo.tmpfiles DESTINATION lib/tmpfiles.d RENAME gobo.conf)
 
 add_library(gobo_renderer INTERFACE)
 target_link_libraries(gobo_renderer INTERFACE gobo_plan gobo_import)
-# Programs elsewhere find what reads picture formats by their search path (renderer/base/image_codec.cpp).
+# Programs elsewhere find what reads picture formats and OpenColorIO configs by their search path (renderer/base/shared_object.cpp).
 target_link_options(gobo_renderer INTERFACE $<INSTALL_INTERFACE:-Wl,-rpath,$<INSTALL_PREFIX>/lib/gobo>)
 target_compile_features(gobo_renderer INTERFACE cxx_std_20)
 set_target_properties(gobo_renderer PROPERTIES EXPORT_NAME renderer)
@@ -28,7 +28,7 @@ target_include_directories(gobo_formulas INTERFACE $<INSTALL_INTERFACE:include/g
 target_include_directories(gobo_proto INTERFACE $<INSTALL_INTERFACE:include/gobo>)
 install(TARGETS gobo_renderer ${layers} gobo_proto EXPORT gobo-targets ARCHIVE DESTINATION lib/gobo COMPONENT dev)
 install(EXPORT gobo-targets NAMESPACE gobo:: DESTINATION lib/cmake/gobo COMPONENT dev)
-install(DIRECTORY renderer/ DESTINATION include/gobo COMPONENT dev FILES_MATCHING PATTERN "*.h" PATTERN codec EXCLUDE PATTERN "*_data.h" EXCLUDE)
+install(DIRECTORY renderer/ DESTINATION include/gobo COMPONENT dev FILES_MATCHING PATTERN "*.h" PATTERN codec EXCLUDE PATTERN color EXCLUDE PATTERN "*_data.h" EXCLUDE)
 install(DIRECTORY ${CMAKE_BINARY_DIR}/proto/gobo DESTINATION include/gobo COMPONENT dev FILES_MATCHING PATTERN "*.pb.h" PATTERN "*.grpc.pb.h" EXCLUDE)
 write_basic_package_version_file(${CMAKE_BINARY_DIR}/gobo-config-version.cmake COMPATIBILITY SameMinorVersion)
 install(FILES cmake/gobo-config.cmake ${CMAKE_BINARY_DIR}/gobo-config-version.cmake DESTINATION lib/cmake/gobo COMPONENT dev)

@@ -50,7 +50,7 @@ with asyncio.")
 
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME gobo-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
-# Those of find_package(gobo) (cmake/gobo-config.cmake); gobo of the same build has the module that reads picture formats.
+# Those of find_package(gobo) (cmake/gobo-config.cmake); gobo of the same build has the modules that read picture formats and OpenColorIO configs.
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "gobo (= ${PROJECT_VERSION}-1), libtbb-dev, libembree-dev, libopenexr-dev, libpng-dev, libjpeg62-turbo-dev | libjpeg-dev, \
 libmeshoptimizer-dev, libprotobuf-dev, protobuf-compiler, libvulkan-dev, libsqlite3-dev, libdraco-dev, libegl-dev, libmuparser-dev, pkg-config")
 set(CPACK_COMPONENT_DEV_DESCRIPTION "the Gobo renderer as a library

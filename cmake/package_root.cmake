@@ -17,7 +17,7 @@ if(gobo IN_LIST CPACK_COMPONENTS_ALL)
   file(MAKE_DIRECTORY ${packages}/debian)
   file(WRITE ${packages}/debian/control "")
   execute_process(COMMAND dpkg-shlibdeps -O ${packages}/gobo/usr/bin/gobod ${packages}/gobo/usr/bin/gobo ${packages}/gobo/usr/bin/gobo-ingest
-    ${packages}/gobo/usr/lib/gobo/libgobo_image_codec.so WORKING_DIRECTORY ${packages} OUTPUT_VARIABLE linked ERROR_VARIABLE said RESULT_VARIABLE failed)
+    ${packages}/gobo/usr/lib/gobo/libgobo_image_codec.so ${packages}/gobo/usr/lib/gobo/libgobo_color.so WORKING_DIRECTORY ${packages} OUTPUT_VARIABLE linked ERROR_VARIABLE said RESULT_VARIABLE failed)
   file(REMOVE_RECURSE ${packages}/debian)
   if(failed OR NOT linked MATCHES "shlibs:Depends=([^\n]+)")
     message(FATAL_ERROR "dpkg-shlibdeps: ${said}")

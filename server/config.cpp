@@ -173,6 +173,8 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"http.allow_remote", boolean(c.httpAllowRemote)},
       {"web.listen", text(c.webListen)},
       {"web.hosts", texts(c.webHosts)},
+      {"color.ocio", text(c.colorOcio, [folder](const std::string& p) { return p == "none" || !folder ? p : folder(p); })},
+      {"color.working_space", text(c.colorWorkingSpace)},
       {"log.format", text(c.logFormat)},
       {"limits.loads_at_once", integer(c.loadsAtOnce, 1, 1024)},
       {"limits.request_s", number(c.requestSeconds, 0, 86400)},
@@ -420,6 +422,10 @@ Status checkConfig(ServerConfig& c) {
   if (c.tmpFolder.empty()) {
     const char* env = std::getenv("TMPDIR");
     c.tmpFolder = env && *env ? env : "/tmp";
+  }
+  if (c.colorOcio.empty()) {
+    const char* env = std::getenv("OCIO");
+    c.colorOcio = env ? env : "";
   }
   std::error_code error;
   if (!fs::is_directory(c.tmpFolder, error)) return notFound("limits.tmp_folder: \"" + c.tmpFolder + "\" is not a folder");

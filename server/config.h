@@ -53,6 +53,10 @@ struct ServerConfig {
   std::string webListen;              ///< HOST:PORT of the viewer and the calls over HTTP (server/door); empty: none
   std::vector<std::string> webHosts;  ///< names by which browsers may reach it beside its own, for a proxy in front of it
 
+  // [color]: docs/color.md
+  std::string colorOcio;          ///< OpenColorIO config; empty: $OCIO, none without it; "none": none
+  std::string colorWorkingSpace;  ///< colour space of it that takes linear Rec. 709; empty: found
+
   std::string logLevel = "info";
   std::string logFormat = "text";
 

@@ -86,6 +86,8 @@ std::vector<std::string> fixedKeysThatDiffer(const ServerConfig& a, const Server
   differ("http.allow_remote", a.httpAllowRemote != b.httpAllowRemote);
   differ("web.listen", a.webListen != b.webListen);
   differ("web.hosts", a.webHosts != b.webHosts);
+  differ("color.ocio", a.colorOcio != b.colorOcio);
+  differ("color.working_space", a.colorWorkingSpace != b.colorWorkingSpace);
   differ("engine.threads", a.threads != b.threads);
   differ("engine.store_bytes", a.storeBytes != b.storeBytes);
   differ("engine.cache_folder", a.cacheFolder != b.cacheFolder);

@@ -15,6 +15,7 @@
 #include "base/hash.h"
 #include "base/image_io.h"
 #include "base/sobol.h"
+#include "plan/display_transforms.h"
 #include "plan/outputs.h"
 #include "request/request.h"
 
@@ -311,7 +312,13 @@ Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
       }
       case v1::Encoding::PNG:
       case v1::Encoding::JPEG: {
-        DisplayImage shown = displayImage(rendered.output, rendered.image(), request.tone_map());
+        DisplayImage shown;
+        if (result.view && isRadiance(rendered.output)) {
+          GOBO_ASSIGN(shown.image, shownByView(rendered.image(), request.tone_map().exposure(), *result.view, format == v1::Encoding::JPEG));
+          shown.data = true;
+        } else {
+          shown = displayImage(rendered.output, rendered.image(), request.tone_map());
+        }
         if (format == v1::Encoding::JPEG && shown.image.channels == 4 && isRadiance(rendered.output)) layOnBlack(shown.image);
         pixels.data = shown.data;
         made = format == v1::Encoding::PNG ? encodePng(shown.image, pixels) : encodeJpeg(shown.image, pixels);

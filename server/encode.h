@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pictures as bytes in the format that a request asks for. EXR and raw keep scene-linear values; PNG and JPEG are for
-// looking at: radiance goes through the tone curve, other outputs through the mapping in displayImage's comment.
+// looking at: radiance goes through the tone curve or a view of a display
+// (RenderResult.view), other outputs through the mapping in displayImage's comment.
 // What each output is comes from plan/outputs.h, transfer functions from base/transfer.h.
 // Cost for 640 x 480 x 3 float on one core: raw and digest as printed by bench/socket_bench; EXR (ZIP) tens of ms.
 // Pure functions; thread-safe.

@@ -17,6 +17,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "plan/display_transforms.h"
 #include "server/farm/farm_worker.h"
 #include "server/freed_memory.h"
 #include "server/jobs/postgres_job_store.h"
@@ -135,6 +136,7 @@ int main(int argc, char** argv) {
   if (check) {
     if (config.tls.on())
       if (const auto tls = gobo::readTls(config.tls); !tls.ok()) return fail(tls.status());
+    if (const gobo::Status color = gobo::displayTransforms(config)->check(); !color.ok()) return fail(color.at("color.ocio"));
     if (!config.jobsStore.empty())
       if (const gobo::Status store = gobo::PostgresJobStore::check(config.jobsStore); !store.ok())
         return fail({store.code(), "jobs.store: " + store.message(), store.location()});

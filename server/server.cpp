@@ -18,6 +18,7 @@
 
 #include "server/admin_service.h"
 #include "server/blobs_service.h"
+#include "plan/display_transforms.h"
 #include "server/config_check.h"
 #include "server/farm/farm_service.h"
 #include "server/farm/farm_worker.h"
@@ -67,6 +68,14 @@ class NoReflection final : public grpc::ServerBuilderOption {
 
 }  // namespace
 
+std::shared_ptr<DisplayTransforms> displayTransforms(const ServerConfig& config) {
+  DisplayTransforms::Options options;
+  if (config.colorOcio != "none") options.file = config.colorOcio;
+  options.workingSpace = config.colorWorkingSpace;
+  options.say = [](const std::string& line) { logWarn("%s", line.c_str()); };
+  return std::make_shared<DisplayTransforms>(std::move(options));
+}
+
 EngineOptions engineOptions(const ServerConfig& config) {
   EngineOptions options;
   options.threads = config.threads;
@@ -81,6 +90,7 @@ EngineOptions engineOptions(const ServerConfig& config) {
   options.environmentBytes = config.environmentBytes;
   options.accelBytes = config.accelBytes;
   if (config.memoryBytes) options.memoryBytes = config.memoryBytes;
+  options.displays = displayTransforms(config);
   return options;
 }
 
@@ -121,6 +131,7 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   std::unique_ptr<Server> self(new Server());
   EngineOptions options = wanted;
   if (!options.loader) { GOBO_ASSIGN(options.loader, sceneLoader(config)); }
+  if (sockets && options.displays) GOBO_TRY(options.displays->load());  // a daemon says now what it cannot read; a client when something wants it
   auto engine = Engine::create(options);
   if (!engine.ok() && !options.cacheFolder.empty() && engine.status().code() != Code::FailedPrecondition) {  // not: whose terms cannot be believed
     logWarn("%s; terms are kept in memory only (engine.cache_folder)", engine.status().toString().c_str());

@@ -23,6 +23,8 @@ class FarmWorker;
 }
 
 EngineOptions engineOptions(const ServerConfig& config);
+/// Of the config that [color] names; not read yet.
+std::shared_ptr<DisplayTransforms> displayTransforms(const ServerConfig& config);
 
 class Server {
  public:

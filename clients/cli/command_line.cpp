@@ -189,6 +189,7 @@ void CommandLine::addSession() {
   value(app, "--root", session.roots, "FOLDER", "--local: for files named inside requests; repeat for several")->allow_extra_args(false);
   value(app, "--cache", session.cache, "FOLDER", "--local: the disk cache");
   value(app, "--threads", session.threads, "N", "--local: render threads; 0: all")->check(CLI::Range(0, 1024).description(""));
+  value(app, "--ocio", session.ocio, "FILE", "--local: OpenColorIO config of encoding.display and view; default $OCIO");
   value(app, "--timeout", session.timeoutSeconds, "SECONDS", "a call may take; 0: any")->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
   value(app, "--upload-limit", session.uploadMiB, "MIB", "of a scene file that is uploaded when the server cannot open it; default 512");
   value(app, "--token-file", session.tokenFile, "FILE", "bearer token for the server (first line); default $GOBO_TOKEN");

@@ -148,6 +148,7 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
     ServerConfig config;
     config.threads = options.threads;
     config.cacheFolder = options.cache;
+    config.colorOcio = options.ocio;
     config.logLevel = "warn";
     setLogLevel(LogLevel::Warn);
     GOBO_TRY(checkConfig(config));

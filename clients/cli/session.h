@@ -30,6 +30,7 @@ struct SessionOptions {
   std::vector<std::string> roots;  ///< of --local, on top of any path
   std::string cache;
   int threads = 0;
+  std::string ocio;           ///< of --local; empty: $OCIO
   double timeoutSeconds = 0;  ///< of each call; 0: none
   double uploadMiB = 512;     ///< most that is sent for one scene without being asked for
   std::string tokenFile;      ///< first line: bearer token; empty: $GOBO_TOKEN

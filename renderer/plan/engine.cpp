@@ -16,6 +16,7 @@
 #include "plan/cryptomatte.h"
 #include "plan/describe_unrun.h"
 #include "plan/disk_store.h"
+#include "plan/display_transforms.h"
 #include "plan/executor.h"
 #include "plan/ladder.h"
 #include "plan/mapped_guard.h"
@@ -126,7 +127,9 @@ struct Engine::Impl {
         besideArena(o.threads, TaskArena::Threads::Own, &way),
         scenes(o.roots, o.anyPath, o.loader, {o.sceneBytes, o.environmentBytes}),
         accels(o.accelBytes),
-        memory(o.memoryBytes) {}
+        memory(o.memoryBytes) {
+    if (!options.displays) options.displays = std::make_shared<DisplayTransforms>(DisplayTransforms::Options{});  // refuses what asks for one
+  }
 
   EngineOptions options;
   RightOfWay way;
@@ -295,6 +298,7 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
     if (light.has_shadow()) showMap(*light.mutable_shadow());
   GOBO_TRY(resolveDefaults(r));
   GOBO_TRY(checkEncoding(r.encoding()));
+  GOBO_TRY(options.displays->resolve(r, request));
   GOBO_ASSIGN(const PixelWindow window, windowOf(r));
   const uint64_t pixels = window.width ? uint64_t(window.width) * uint64_t(window.height) : uint64_t(r.width()) * r.height();
   if (pixels * r.view_samples() > kMaxViewSamples)
@@ -459,6 +463,7 @@ void warnOfPhotometricLights(const Plan& plan, RenderResult& result) {
 Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const PreparedRender& prepared, const v1::RenderRequest& request, uint32_t spp,
                                               const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable) {
   RenderResult result;
+  GOBO_ASSIGN(result.view, options.displays->processor(request.encoding()));
   v1::RenderReply& reply = result.reply;
   const uint32_t passes = passesFor(spp), realised = samplesOf(passes) * shutterSlices(request);
   std::map<NodeId, ExecutedNode> expanded;
@@ -695,6 +700,7 @@ Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relig
     drop(*base.mutable_expressions(), path);
   }
   GOBO_TRY(applyMask(base, relight.patch(), {relight.mask().begin(), relight.mask().end()}));
+  replaceView(base, relight.mask());
   return base;
 }
 

@@ -23,6 +23,8 @@
 
 namespace gobo {
 
+class ColorProcessor;     // base/color_config.h
+class DisplayTransforms;  // plan/display_transforms.h
 struct Scene;             // scene/scene.h
 class RenderCheckpoints;  // plan/checkpoints.h
 class TermStore;          // plan/store.h
@@ -42,6 +44,7 @@ struct EngineOptions {
   uint64_t memoryBytes = UINT64_MAX;                 ///< of all that and what the owner adds to memory(), together
   std::function<void(const std::string& line)> say;  ///< told what of the cache folder was set aside; may be empty
   std::shared_ptr<SceneLoader> loader;  ///< reads scene and environment files (import/load.h, server/ingest_loader.h); null: there are built-in scenes alone
+  std::shared_ptr<DisplayTransforms> displays;  ///< of request.encoding.display and view; null: there are none
 };
 
 /// One finished picture, linear and not tone mapped: a view of its term. image() copies it out once, on first use (a copy of
@@ -72,6 +75,7 @@ struct RenderResult {
   /// By output: what the EXR that holds it says of it beside these ("cryptomatte/f834d0a/manifest", ...).
   std::map<std::string, std::map<std::string, std::string>> attributes;
   std::map<std::string, Mat4> matrices;  ///< worldToCamera, worldToNDC (scene/camera.h)
+  std::shared_ptr<const ColorProcessor> view;  ///< what reply.resolved.encoding names, for PNG and JPEG of radiance; null: its curve and transfer function
 };
 
 struct RenderControl {

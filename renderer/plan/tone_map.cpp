@@ -1,42 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // Display transform of finished pictures (engine.h: toneMapped). The curves are in formulas/tone_map.glsl.h.
-#include <algorithm>
-
 #include "plan/engine.h"
+#include "plan/straight_alpha.h"
 
 #include "formulas/tone_map.glsl.h"
 
 namespace gobo {
 
-namespace {
-
-/// PNG has straight alpha, pictures have what adds to the background: the curve is of the colour by itself. Light without a surface in front of
-/// nothing (a lamp that is seen) gets as much alpha as it needs to be shown.
-Image withStraightAlpha(const Image& linear, const v1::ToneMap& settings) {
-  Image colour(linear.width, linear.height, 3), out(linear.width, linear.height, 4);
-  out.names = linear.names;
-  std::vector<float> alpha(linear.pixels());
-  const float scale = formulas::exposureScale(float(settings.exposure()));
-  for (size_t p = 0; p < linear.pixels(); ++p) {
-    const float* v = linear.data.data() + 4 * p;
-    const float most = std::max({v[0], v[1], v[2]}) * scale;
-    alpha[p] = std::clamp(std::max(v[3], std::min(most, 1.0f)), 0.0f, 1.0f);
-    for (size_t c = 0; c < 3; ++c) colour.data[3 * p + c] = alpha[p] > 0.0f ? v[c] / alpha[p] : 0.0f;
-  }
-  const Image shown = toneMapped(colour, settings);
-  for (size_t p = 0; p < linear.pixels(); ++p) {
-    for (size_t c = 0; c < 3; ++c) out.data[4 * p + c] = shown.data[3 * p + c];
-    out.data[4 * p + 3] = alpha[p];
-  }
-  return out;
-}
-
-}  // namespace
-
 Image toneMapped(const Image& linear, const v1::ToneMap& settings) {
   using namespace formulas;
   const float scale = exposureScale(float(settings.exposure()));
-  if (linear.channels == 4) return withStraightAlpha(linear, settings);
+  if (linear.channels == 4) {
+    const StraightAlpha straight = straightAlpha(linear, scale);
+    return withAlpha(toneMapped(straight.colour, settings), straight.alpha, linear.names);
+  }
   Image out = linear;
   const auto curve = settings.curve();
   if (curve == v1::ToneMap::ACES || curve == v1::ToneMap::PBR_NEUTRAL) {

@@ -41,7 +41,7 @@ class Deb(unittest.TestCase):
 
     def elf(self):
         at = pathlib.Path(self.unpacked)
-        return [at / "usr/bin/gobod", at / "usr/bin/gobo", at / "usr/bin/gobo-ingest", at / "usr/lib/gobo/libgobo_image_codec.so"]
+        return [at / "usr/bin/gobod", at / "usr/bin/gobo", at / "usr/bin/gobo-ingest", at / "usr/lib/gobo/libgobo_image_codec.so", at / "usr/lib/gobo/libgobo_color.so"]
 
     def test_names_and_fields(self):
         version = re.search(r"project\(gobo VERSION (\S+)", pathlib.Path(SOURCE, "CMakeLists.txt").read_text(encoding="utf-8"))[1] + "-1"
@@ -76,7 +76,7 @@ class Deb(unittest.TestCase):
                 self.assertEqual(mode, "-rwxr-xr-x" if program else "-rw-r--r--", name)
                 self.assertNotIn(name, seen, f"in {package} and in {seen.get(name)}")
                 seen[name] = package
-        for name in ("/usr/bin/gobod", "/usr/bin/gobo", "/usr/bin/gobo-ingest", "/usr/lib/gobo/libgobo_image_codec.so", "/usr/lib/systemd/system/gobod.service",
+        for name in ("/usr/bin/gobod", "/usr/bin/gobo", "/usr/bin/gobo-ingest", "/usr/lib/gobo/libgobo_image_codec.so", "/usr/lib/gobo/libgobo_color.so", "/usr/lib/systemd/system/gobod.service",
                      "/usr/lib/sysusers.d/gobo.conf", "/usr/lib/tmpfiles.d/gobo.conf", "/usr/share/man/man1/gobo.1.gz", "/usr/share/doc/gobo/operations.md",
                      "/usr/share/bash-completion/completions/gobo", "/usr/share/zsh/vendor-completions/_gobo", "/usr/share/fish/vendor_completions.d/gobo.fish",
                      "/usr/share/gobo/configs/gobod.toml", "/usr/share/gobo/proto/gobo/v1/render.proto", "/etc/gobo/gobod.toml"):

@@ -6,7 +6,7 @@ import tempfile
 import unittest
 
 BUILD = os.environ["GOBO_BUILD_FOLDER"]
-FINISHED = ("server/gobod", "clients/gobo", "ingest/gobo-ingest", "renderer/libgobo_image_codec.so", "docs/gobo.1", "clients/python/gobo/v1/render_pb2.py", "CPackConfig.cmake")
+FINISHED = ("server/gobod", "clients/gobo", "ingest/gobo-ingest", "renderer/libgobo_image_codec.so", "renderer/libgobo_color.so", "docs/gobo.1", "clients/python/gobo/v1/render_pb2.py", "CPackConfig.cmake")
 
 
 def clean_environment(**more):

@@ -43,6 +43,9 @@ class RequestFields(TypedDict, total=False):
     exposure: float                         # tone_map.exposure, stops
     certificate: Union[bool, float, Mapping[str, Any]]  # True, a share of the pixels, or fields
     priority: str                           # "interactive", "normal", "batch"
+    display: str                            # encoding.display, with format "png" or "jpeg": of the server's OpenColorIO config (docs/color.md)
+    view: str                               # encoding.view
+    look: str                               # encoding.look
     format: str                             # transport: "raw_float" (default), "raw_half", "exr", "png", "jpeg"
     halt: Mapping[str, Any]
     view_samples: int
@@ -70,7 +73,7 @@ class RequestFields(TypedDict, total=False):
 
 #: Keywords that are short for a path.
 SHORT = {"spp": "halt.spp", "max_seconds": "halt.time_s", "max_error": "halt.error", "exposure": "tone_map.exposure", "priority": "scheduling.priority",
-         "format": "encoding.format", "env": "environment"}
+         "format": "encoding.format", "display": "encoding.display", "view": "encoding.view", "look": "encoding.look", "env": "environment"}
 _SCALAR_VECTORS = {"gain", "color", "constant"}   # vectors that one number may stand for
 
 

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures have what adds to the background (premultiplied alpha), PNG has straight alpha: a curve or a view is of the colour by itself. Light without a surface in front
+// of nothing (a lamp that is seen) gets as much alpha as it needs to be shown.
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "base/image.h"
+
+namespace gobo {
+
+struct StraightAlpha {
+  Image colour;              ///< 3 channels, divided by alpha; black where there is none
+  std::vector<float> alpha;  ///< 0..1
+};
+
+/// `linear`: 4 channels. `scale`: of the exposure, which decides how much light is shown.
+inline StraightAlpha straightAlpha(const Image& linear, float scale) {
+  StraightAlpha out{Image(linear.width, linear.height, 3), std::vector<float>(linear.pixels())};
+  for (size_t p = 0; p < linear.pixels(); ++p) {
+    const float* v = linear.data.data() + 4 * p;
+    const float most = std::max({v[0], v[1], v[2]}) * scale;
+    const float alpha = out.alpha[p] = std::clamp(std::max(v[3], std::min(most, 1.0f)), 0.0f, 1.0f);
+    for (size_t c = 0; c < 3; ++c) out.colour.data[3 * p + c] = alpha > 0.0f ? v[c] / alpha : 0.0f;
+  }
+  return out;
+}
+
+/// Four channels again, of a colour that has been changed.
+inline Image withAlpha(const Image& colour, const std::vector<float>& alpha, const std::vector<std::string>& names) {
+  Image out(colour.width, colour.height, 4);
+  out.names = names;
+  for (size_t p = 0; p < alpha.size(); ++p) {
+    for (size_t c = 0; c < 3; ++c) out.data[4 * p + c] = colour.data[3 * p + c];
+    out.data[4 * p + 3] = alpha[p];
+  }
+  return out;
+}
+
+}  // namespace gobo
