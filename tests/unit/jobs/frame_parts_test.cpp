@@ -6,6 +6,7 @@
 #include <set>
 
 #include "import/load.h"
+#include "plan/picture_warnings.h"
 #include "request/request.h"
 #include "server/encode.h"
 #include "server/jobs/frame_parts.h"
@@ -144,6 +145,51 @@ TEST(FrameParts, ADamagedFileIsRefusedAsLostData) {
   EXPECT_EQ(changed([](v1::RenderedPart& p) { p.mutable_pictures(0)->set_channels(4); }), Code::DataLoss);
   EXPECT_EQ(changed([](v1::RenderedPart& p) { p.mutable_pictures(0)->set_width(15); }), Code::DataLoss);
   EXPECT_EQ(changed([](v1::RenderedPart& p) { p.mutable_pictures(0)->set_output("depth"); }), Code::DataLoss);
+}
+
+TEST(FrameParts, WarnOfWhatTheWholeWouldWarnOf) {
+  auto engine = newEngine();
+  v1::JobSpec spec;
+  spec.set_tile_px(16);
+  *spec.mutable_request() = *engine->resolve(pictureOf(R"({"scene": "cornell", "width": 32, "height": 16, "halt": {"spp": 1}})"), {});
+  std::vector<v1::RenderedPart> parts(2);
+  for (uint32_t p = 0; p < 2; ++p) {
+    v1::RenderRequest request = spec.request();
+    *request.mutable_window() = partWindow(spec, p);
+    ASSERT_TRUE(parts[p].ParseFromString(writePart(*engine->render(request), {0, p})));
+    parts[p].mutable_reply()->clear_warnings();
+    parts[p].mutable_reply()->add_warnings("of both");
+  }
+  const auto warnings = [&] {
+    FrameJoin join(spec.request());
+    for (uint32_t p = 0; p < 2; ++p) {
+      const std::string bytes = parts[p].SerializeAsString();
+      EXPECT_TRUE(join.add(bytes.data(), bytes.size(), {0, p}).ok());
+    }
+    const auto joined = join.finish();
+    return std::vector<std::string>(joined->reply.warnings().begin(), joined->reply.warnings().end());
+  };
+  const auto drop = [&](size_t p, uint64_t samples, uint64_t pixels) {
+    parts[p].mutable_pictures(0)->set_dropped_samples(samples);
+    parts[p].mutable_pictures(0)->set_dropped_pixels(pixels);
+    parts[p].mutable_reply()->add_warnings(droppedWarning("beauty", {samples, pixels}));
+  };
+  drop(0, 3, 2);
+  drop(1, 4, 1);
+  parts[1].mutable_reply()->add_warnings("of one");
+  const std::vector<std::string> counted = {"of both", "of one", droppedWarning("beauty", {7, 3})};
+  EXPECT_EQ(warnings(), counted);
+  // One part is so bright that its lights may be in candela; the whole is not, until the other is as well.
+  Image bright(16, 16, 3);
+  std::fill(bright.data.begin(), bright.data.end(), 100.0f);
+  const std::string candela = photometricWarning(bright);
+  ASSERT_FALSE(candela.empty());
+  parts[1].mutable_reply()->add_warnings(candela);
+  EXPECT_EQ(warnings(), counted);
+  for (v1::RenderedPart& part : parts) part.mutable_pictures(0)->set_pixels(bright.data.data(), bright.data.size() * sizeof(float));
+  auto all = counted;
+  all.push_back(candela);
+  EXPECT_EQ(warnings(), all);
 }
 
 TEST(FrameParts, WhatIsOfAWholePictureIsRefusedWhenTheJobIsSubmitted) {
