@@ -66,8 +66,15 @@ v1::Window partWindow(const v1::JobSpec& spec, uint32_t part) {
   return w;
 }
 
-std::string writePart(const RenderResult& result, const TaskPlace& place) {
+Result<std::string> writePart(const RenderResult& result, const TaskPlace& place, uint64_t most) {
   static_assert(std::endian::native == std::endian::little);
+  uint64_t pixelBytes = 0;
+  for (const RenderedImage& image : result.images) pixelBytes += image.pixels().size_bytes();
+  if (pixelBytes > most)
+    return Status(Code::OutOfRange,
+                  strf("job.tile_px: a part has %llu bytes in all its outputs, at most %llu: take smaller ones", (unsigned long long)pixelBytes,
+                       (unsigned long long)most),
+                  "job.tile_px");
   v1::RenderedPart part;
   part.set_frame(place.frame);
   part.set_part(*place.part);

@@ -17,8 +17,10 @@ namespace gobo {
 uint32_t partsOf(const v1::JobSpec& spec);
 v1::Window partWindow(const v1::JobSpec& spec, uint32_t part);
 
-/// The file of a part. float32 pixels, 4 bytes a value: 12 MB for a beauty of 1024 x 1024.
-std::string writePart(const RenderResult& result, const TaskPlace& place);
+/// Bytes that a part's file can have: what a message can.
+inline constexpr uint64_t kPartBytes = 2000000000;
+/// The file of a part. float32 pixels, 4 bytes a value: 12 MB for a beauty of 1024 x 1024. Errors: OutOfRange at job.tile_px beyond `most` bytes of pixels.
+Result<std::string> writePart(const RenderResult& result, const TaskPlace& place, uint64_t most = kPartBytes);
 
 /// Puts parts together: what the whole request's render would have given, for the encoder. Holds the whole picture and one part.
 class FrameJoin {

@@ -151,7 +151,7 @@ Status TaskRun::render(std::vector<EncodedImage>& images) {
     GOBO_TRY(renderPicture(request));
   }
   if (place_.part) {
-    const std::string bytes = writePart(*result_, place_);
+    GOBO_ASSIGN(const std::string bytes, writePart(*result_, place_));
     EncodedImage& file = images.emplace_back();
     file.bytes = std::vector<uint8_t>(bytes.begin(), bytes.end());
     file.descriptor.set_output("part");

@@ -52,7 +52,7 @@ void expectSameFiles(const std::string& json, uint32_t tile) {
     *request.mutable_window() = partWindow(spec, p);
     auto part = newEngine()->render(request);
     ASSERT_TRUE(part.ok()) << p << ": " << part.status().toString();
-    const std::string file = writePart(*part, {3, p});
+    const std::string file = *writePart(*part, {3, p});
     files.insert(file);
     ASSERT_TRUE(join.add(file.data(), file.size(), {3, p}).ok());
   }
@@ -117,8 +117,11 @@ TEST(FrameParts, ADamagedFileIsRefusedAsLostData) {
   for (uint32_t p = 0; p < 2; ++p) {
     v1::RenderRequest request = spec.request();
     *request.mutable_window() = partWindow(spec, p);
-    files.push_back(writePart(*engine->render(request), {0, p}));
-    EXPECT_EQ(files.back(), writePart(*newEngine()->render(request), {0, p})) << "another render has other bytes";
+    const auto rendered = engine->render(request);
+    files.push_back(*writePart(*rendered, {0, p}));
+    EXPECT_EQ(files.back(), *writePart(*newEngine()->render(request), {0, p})) << "another render has other bytes";
+    EXPECT_TRUE(writePart(*rendered, {0, p}, 16 * 16 * 12).ok());
+    EXPECT_EQ(writePart(*rendered, {0, p}, 16 * 16 * 12 - 1).status().code(), Code::OutOfRange);
   }
   const auto add = [&](FrameJoin& join, const std::string& bytes, uint32_t p) { return join.add(bytes.data(), bytes.size(), {0, p}).code(); };
   {
@@ -156,7 +159,7 @@ TEST(FrameParts, WarnOfWhatTheWholeWouldWarnOf) {
   for (uint32_t p = 0; p < 2; ++p) {
     v1::RenderRequest request = spec.request();
     *request.mutable_window() = partWindow(spec, p);
-    ASSERT_TRUE(parts[p].ParseFromString(writePart(*engine->render(request), {0, p})));
+    ASSERT_TRUE(parts[p].ParseFromString(*writePart(*engine->render(request), {0, p})));
     parts[p].mutable_reply()->clear_warnings();
     parts[p].mutable_reply()->add_warnings("of both");
   }

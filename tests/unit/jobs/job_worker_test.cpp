@@ -227,7 +227,7 @@ TEST_F(Worker, APartsFileThatIsDamagedOrGoneIsMadeAgain) {
   const v1::JobSpec resolved = get(id).spec();
   v1::RenderRequest request = frameRequest(resolved, 0);
   *request.mutable_window() = partWindow(resolved, 1);
-  const std::string real = writePart(*engine->render(request), {0, 1});
+  const std::string real = *writePart(*engine->render(request), {0, 1});
   for (size_t i = 0; i < 2; ++i) {
     v1::FrameFile f;
     f.set_output("part");
