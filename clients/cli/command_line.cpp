@@ -220,7 +220,7 @@ void CommandLine::addRendering() {
   render->add_flag("--plan-all", render_.planAll, kPlanAllHelp);
   render->add_flag("-q,--quiet", render_.quiet, "print errors only");
   addRequestOptions(*render, render_.request);
-  render->footer([] { return styleHelp() + "\n" + kExitHelp; });
+  render->footer([] { return styleHelp(); });  // before the exit codes
 
   CLI::App* plan = command(app, "plan", "what a render would do and take, without doing it", [this] {
     render_.json = json;
@@ -433,7 +433,7 @@ void CommandLine::addMeasure() {
   value(*measure, "-o,--out", measure_.out, "FILE", "write everything as JSON: runs, points, requests, machine (python3 -m gobo.report FILE makes figures)");
   value(*measure, "--csv", measure_.csv, "FILE", "write a row for each run");
   addRequestOptions(*measure, measure_.request);
-  measure->footer([] { return std::string(kMeasureHelp) + "\n" + kExitHelp; });
+  measure->footer([] { return std::string(kMeasureHelp); });
   commands_.emplace_back(measure, [this, measure, series, sweep, with] {
     measure_.json = json;
     measure_.series = seriesWords(*measure, series, sweep, with);
