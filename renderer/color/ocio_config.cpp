@@ -119,7 +119,7 @@ class Config final : public ColorConfig {
   Result<std::shared_ptr<const ColorProcessor>> processor(const std::string& display, const std::string& view, const std::string& look) const override {
     try {
       const auto processor = config_->getProcessor(pipeline(from_, display, view, look));
-      // Not the library's default, whose powers and logarithms are approximations that show in 16 bits.
+      // Not the library's default, which approximates powers and logarithms where it is built with SSE. Debian's is not, but pictures must not hang on that.
       const auto cpu = processor->getOptimizedCPUProcessor(ocio::BIT_DEPTH_F32, ocio::BIT_DEPTH_F32, ocio::OPTIMIZATION_LOSSLESS);
       if (const std::string changed = files_.changed(); !changed.empty())
         return Status(Code::FailedPrecondition, "\"" + changed + "\", a file of the OpenColorIO config \"" + file_ +

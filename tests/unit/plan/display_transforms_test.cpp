@@ -78,7 +78,7 @@ TEST(DisplayTransforms, EachViewIsItsClosedForm) {
   const Config config;
   const Image image = colours();
   for (const char* view : {"Power", "Swapped", "Log", "sRGB", "Graded", "Half", "Raw"})
-    // A float's rounding: the approximations of powers and logarithms that are the library's default are further away.
+    // A float's rounding.
     EXPECT_LT(worst(config.shown(image, view), image, view), 2.5e-7) << view;
   EXPECT_LT(worst(config.shown(image, "Cinema", 0, "Projector"), image, "Cinema"), 2.5e-7);
   EXPECT_TRUE(config.said.empty()) << config.said[0];
