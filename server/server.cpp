@@ -16,9 +16,9 @@
 #include <grpcpp/impl/server_builder_plugin.h>
 #include <grpcpp/resource_quota.h>
 
+#include "plan/display_transforms.h"
 #include "server/admin_service.h"
 #include "server/blobs_service.h"
-#include "plan/display_transforms.h"
 #include "server/config_check.h"
 #include "server/farm/farm_service.h"
 #include "server/farm/farm_worker.h"

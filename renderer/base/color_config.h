@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// OpenColorIO configs, read by a shared object of their own (renderer/color) that is loaded with the first config: the library takes longer to link than the daemon
-// takes to start, and most daemons have no config. docs/color.md says what users see of it.
-// Source: opencolorio.org, version 2.1. Values are immutable once made; any thread.
+// OpenColorIO configs, read by a shared object of their own (renderer/color) that is loaded with the first config: the library takes longer to link than the
+// daemon takes to start, and most daemons have no config. docs/color.md says what users see of it. Source: opencolorio.org, version 2.1. Values are immutable
+// once made; any thread.
 #pragma once
 
 #include <cstddef>
@@ -17,8 +17,8 @@ namespace gobo {
 class ColorProcessor {
  public:
   virtual ~ColorProcessor() = default;
-  /// `rgb`: 3 * pixels finite floats, in place; out come code values, 0..1 for what the display can show, and whatever the config makes of the rest, NaN too. The
-  /// result of a pixel does not depend on its neighbours, nor on threads. Cost: some 15 ns a pixel and operator on one core, 60 ns for each power of three
+  /// `rgb`: 3 * pixels finite floats, in place; out come code values, 0..1 for what the display can show, and whatever the config makes of the rest, NaN too.
+  /// The result of a pixel does not depend on its neighbours, nor on threads. Cost: some 15 ns a pixel and operator on one core, 60 ns for each power of three
   /// channels. InvalidArgument with the library's words if it throws.
   virtual Status apply(float* rgb, size_t pixels) const = 0;
 };

@@ -7,8 +7,8 @@
 
 namespace gobo {
 
-/// What `name` ("libgobo_color.so") exports as `symbol`, for as long as the process lives. It is looked for by the program's place (beside it, in the build folder,
-/// installed), then by the search path. Internal when it cannot be loaded: "`what` cannot be loaded: " and why. Thread-safe.
+/// What `name` ("libgobo_color.so") exports as `symbol`, for as long as the process lives. It is looked for by the program's place (beside it, in the build
+/// folder, installed), then by the search path. Internal when it cannot be loaded: "`what` cannot be loaded: " and why. Thread-safe.
 Result<const void*> sharedSymbol(const char* name, const char* symbol, const char* what);
 
 }  // namespace gobo

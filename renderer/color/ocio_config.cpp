@@ -62,8 +62,9 @@ WorkingSpace workingSpaceOf(const ocio::ConstConfigRcPtr& config) {
     return {space->getName(), true, std::string(space->getName()) + " (aces_interchange), by the matrix from linear Rec. 709", ""};
   if (const auto space = config->getColorSpace(ocio::ROLE_SCENE_LINEAR))
     return {space->getName(), false, space->getName(),
-            std::string("no colour space of it is called lin_rec709 or the like, and it has no role aces_interchange: pictures, which are linear Rec. 709, are taken "
-                        "for its scene_linear, \"") +
+            std::string(
+                "no colour space of it is called lin_rec709 or the like, and it has no role aces_interchange: pictures, which are linear Rec. 709, are taken "
+                "for its scene_linear, \"") +
                 space->getName() + "\"; color.working_space names another one"};
   return {};
 }
@@ -119,7 +120,7 @@ class Config final : public ColorConfig {
   Result<std::shared_ptr<const ColorProcessor>> processor(const std::string& display, const std::string& view, const std::string& look) const override {
     try {
       const auto processor = config_->getProcessor(pipeline(from_, display, view, look));
-      // Not the library's default, whose powers and logarithms are approximations that show in 16 bits.
+      // Not the library's default, which approximates powers and logarithms where it is built with SSE. Debian's is not, but pictures must not hang on that.
       const auto cpu = processor->getOptimizedCPUProcessor(ocio::BIT_DEPTH_F32, ocio::BIT_DEPTH_F32, ocio::OPTIMIZATION_LOSSLESS);
       if (const std::string changed = files_.changed(); !changed.empty())
         return Status(Code::FailedPrecondition, "\"" + changed + "\", a file of the OpenColorIO config \"" + file_ +
@@ -144,7 +145,7 @@ Result<std::shared_ptr<const ColorConfig>> openConfig(const std::string& file, c
   text << in.rdbuf();
   if (!in || text.str().empty()) return notFound(name + ": cannot be read, or is empty");
   try {
-    ocio::ClearAllCaches();  // of files that another config had read: by their names, whatever is in them now
+    ocio::ClearAllCaches();                 // of files that another config had read: by their names, whatever is in them now
     std::istringstream stream(text.str());  // the bytes that are hashed are the bytes that are parsed
     const auto read = ocio::Config::CreateFromStream(stream)->createEditableCopy();
     const size_t slash = file.rfind('/');
@@ -161,8 +162,10 @@ Result<std::shared_ptr<const ColorConfig>> openConfig(const std::string& file, c
       from = workingSpaceOf(config);
     }
     if (from.shown.empty())
-      return Status(Code::FailedPrecondition, name + ": nothing in it stands for linear Rec. 709 (a colour space or alias lin_rec709, the role aces_interchange or "
-                                                     "scene_linear); color.working_space names what does");
+      return Status(Code::FailedPrecondition,
+                    name +
+                        ": nothing in it stands for linear Rec. 709 (a colour space or alias lin_rec709, the role aces_interchange or "
+                        "scene_linear); color.working_space names what does");
     const auto made = std::make_shared<Config>(file, text.str(), config, from);
     if (made->displays().empty()) return invalidArgument(name + ": has no active display with a view");
     return std::shared_ptr<const ColorConfig>(made);

@@ -56,10 +56,12 @@ DisplayTransforms::DisplayTransforms(Options options) : options_(std::move(optio
 Result<std::shared_ptr<const ColorConfig>> DisplayTransforms::config() {
   const std::lock_guard lock(mutex_);
   if (!config_) {
-    config_ = options_.file.empty() ? Result<std::shared_ptr<const ColorConfig>>(
-                                          Status(Code::FailedPrecondition, "no OpenColorIO config is loaded: [color] ocio of gobod.toml names one, or the environment "
-                                                                           "variable OCIO of the daemon; of gobo --local, --ocio or OCIO"))
-                                    : openColorConfig(options_.file, options_.workingSpace);
+    config_ =
+        options_.file.empty()
+            ? Result<std::shared_ptr<const ColorConfig>>(Status(Code::FailedPrecondition,
+                                                                "no OpenColorIO config is loaded: [color] ocio of gobod.toml names one, or the environment "
+                                                                "variable OCIO of the daemon; of gobo --local, --ocio or OCIO"))
+            : openColorConfig(options_.file, options_.workingSpace);
     if (config_->ok() && options_.say && !(**config_)->caution().empty())
       options_.say("OpenColorIO config \"" + options_.file + "\": " + (**config_)->caution());
   }
@@ -88,7 +90,8 @@ Status DisplayTransforms::resolve(v1::RenderRequest& resolved, const v1::RenderR
   const std::string& value = e.display().empty() ? e.view() : e.display();
   if (e.format() != v1::Encoding::PNG && e.format() != v1::Encoding::JPEG)
     return refused(field, value, v1::Encoding::Format_Name(e.format()) + " keeps scene-linear values, which no view changes; ask for PNG or JPEG");
-  for (const auto& [has, other] : {std::pair(asked.tone_map().has_curve(), "request.tone_map.curve"), std::pair(asked.encoding().has_transfer(), "request.encoding.transfer")})
+  for (const auto& [has, other] :
+       {std::pair(asked.tone_map().has_curve(), "request.tone_map.curve"), std::pair(asked.encoding().has_transfer(), "request.encoding.transfer")})
     if (has) return refused(field, value, std::string("stands in the place of ") + other + ", which is given too: leave out one of them");
   const auto known = config();
   if (!known.ok())

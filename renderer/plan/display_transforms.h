@@ -32,9 +32,10 @@ class DisplayTransforms {
   /// Makes what each view of each display is made of, and forgets it. Errors: as load(); the first that cannot be made.
   Status check();
 
-  /// Of a request whose defaults are filled in: whether it is shown by a view, and by which. Then display, view and ocio_hash are filled in, and tone_map.curve and
-  /// encoding.transfer, which nothing reads, are cleared; otherwise ocio_hash is. `asked`: the request before defaults. Errors: InvalidArgument at the field that is
-  /// not of the config, says nothing (look alone, EXR) or stands in another's place; FailedPrecondition without a config, of a broken one or of another hash.
+  /// Of a request whose defaults are filled in: whether it is shown by a view, and by which. Then display, view and ocio_hash are filled in, and tone_map.curve
+  /// and encoding.transfer, which nothing reads, are cleared; otherwise ocio_hash is. `asked`: the request before defaults. Errors: InvalidArgument at the
+  /// field that is not of the config, says nothing (look alone, EXR) or stands in another's place; FailedPrecondition without a config, of a broken one or of
+  /// another hash.
   Status resolve(v1::RenderRequest& resolved, const v1::RenderRequest& asked);
   /// What a resolved encoding names; null: no view.
   Result<std::shared_ptr<const ColorProcessor>> processor(const v1::Encoding& resolved);
@@ -55,9 +56,9 @@ bool throughView(const v1::Encoding& encoding);
 /// way round. What the mask itself names stays, so that a request that names both is refused as it would be without a base.
 void replaceView(v1::RenderRequest& base, const google::protobuf::RepeatedPtrField<std::string>& mask);
 
-/// A picture as code values, 0..1: scene-linear radiance (1, 3 or 4 channels) times 2^exposure, through the view; three channels, or four with straight alpha as
-/// toneMapped() has it. `onBlack`: three channels whatever the alpha, of the light before black. Values enter within +-65504, NaN as 0; what the view makes of them is
-/// clamped, NaN to 0. Errors: the processor's.
+/// A picture as code values, 0..1: scene-linear radiance (1, 3 or 4 channels) times 2^exposure, through the view; three channels, or four with straight alpha
+/// as toneMapped() has it. `onBlack`: three channels whatever the alpha, of the light before black. Values enter within +-65504, NaN as 0; what the view makes
+/// of them is clamped, NaN to 0. Errors: the processor's.
 Result<Image> shownByView(const Image& linear, double exposure, const ColorProcessor& processor, bool onBlack);
 
 }  // namespace gobo

@@ -74,7 +74,7 @@ struct RenderResult {
   std::map<std::string, std::string> tables;  ///< names behind ids that were asked for: "gobo:object_id" -> {"0":"floor",...}
   /// By output: what the EXR that holds it says of it beside these ("cryptomatte/f834d0a/manifest", ...).
   std::map<std::string, std::map<std::string, std::string>> attributes;
-  std::map<std::string, Mat4> matrices;  ///< worldToCamera, worldToNDC (scene/camera.h)
+  std::map<std::string, Mat4> matrices;        ///< worldToCamera, worldToNDC (scene/camera.h)
   std::shared_ptr<const ColorProcessor> view;  ///< what reply.resolved.encoding names, for PNG and JPEG of radiance; null: its curve and transfer function
 };
 

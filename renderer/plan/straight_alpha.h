@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures have what adds to the background (premultiplied alpha), PNG has straight alpha: a curve or a view is of the colour by itself. Light without a surface in front
-// of nothing (a lamp that is seen) gets as much alpha as it needs to be shown.
+// Pictures have what adds to the background (premultiplied alpha), PNG has straight alpha: a curve or a view is of the colour by itself. Light without a
+// surface in front of nothing (a lamp that is seen) gets as much alpha as it needs to be shown.
 #pragma once
 
 #include <algorithm>

@@ -138,7 +138,12 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
   spec.set_client(client);
   v1::FrameRange& range = *spec.mutable_frames();
   GOBO_TRY(checkNumbers(range));
+  // The request has its defaults, and lacks those that a view stands in the place of (plan/display_transforms.h).
+  v1::RenderRequest resolved;
+  resolved.Swap(spec.mutable_request());
+  spec.clear_request();
   GOBO_TRY(resolveDefaults(spec, "job"));
+  spec.mutable_request()->Swap(&resolved);
   if (spec.priority() == v1::JobSpec::PRIORITY_UNSPECIFIED || !v1::JobSpec::Priority_IsValid(spec.priority()))
     return invalidArgument(strf("job.priority = %d: must be LOW, MEDIUM or HIGH", int(spec.priority())), "job.priority");
   if (spec.has_deadline_unix_s() && spec.deadline_unix_s() <= nowUnix)

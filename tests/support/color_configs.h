@@ -44,11 +44,16 @@ inline std::string writeColorConfig(const std::string& folder, ColorConfigParts 
                       "  Projector:\n    - !<View> {name: Cinema, colorspace: power26}\n"
                       "active_displays: [Monitor, Projector]\nactive_views: [Power, Swapped, Log, sRGB, Graded, Half, Raw, Cinema]\n"
                       "looks:\n"
-                      "  - !<Look> {name: doubled, process_space: \"" + parts.linear + "\", transform: !<CDLTransform> {slope: [2, 2, 2]}}\n"
-                      "  - !<Look> {name: warm, process_space: \"" + parts.linear + "\", transform: !<CDLTransform> {slope: [1.5, 1, 0.5]}}\n"
-                      "colorspaces:\n  - !<ColorSpace>\n    name: \"" + parts.linear + "\"\n" + (parts.alias.empty() ? "" : "    aliases: [\"" + parts.alias + "\"]\n") +
-                      "  - !<ColorSpace>\n    name: raw\n    isdata: true\n" +
-                      space("power22", "!<ExponentTransform> {value: 2.2, direction: inverse}") + space("power26", "!<ExponentTransform> {value: 2.6, direction: inverse}") +
+                      "  - !<Look> {name: doubled, process_space: \"" +
+                      parts.linear +
+                      "\", transform: !<CDLTransform> {slope: [2, 2, 2]}}\n"
+                      "  - !<Look> {name: warm, process_space: \"" +
+                      parts.linear +
+                      "\", transform: !<CDLTransform> {slope: [1.5, 1, 0.5]}}\n"
+                      "colorspaces:\n  - !<ColorSpace>\n    name: \"" +
+                      parts.linear + "\"\n" + (parts.alias.empty() ? "" : "    aliases: [\"" + parts.alias + "\"]\n") +
+                      "  - !<ColorSpace>\n    name: raw\n    isdata: true\n" + space("power22", "!<ExponentTransform> {value: 2.2, direction: inverse}") +
+                      space("power26", "!<ExponentTransform> {value: 2.6, direction: inverse}") +
                       space("swapped", "!<MatrixTransform> {matrix: [0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1]}") +
                       space("log", "!<LogAffineTransform> {base: 10, log_side_slope: 0.25, log_side_offset: 0.5, lin_side_slope: 1, lin_side_offset: 0.01}") +
                       space("srgb", "!<ExponentWithLinearTransform> {gamma: 2.4, offset: 0.055, direction: inverse}") +

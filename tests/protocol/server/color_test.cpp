@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Views of an OpenColorIO config over a real server and socket: every call that gives pictures gives the same file, and a daemon whose config is broken does not start.
+// Views of an OpenColorIO config over a real server and socket: every call that gives pictures gives the same file, and a daemon whose config is broken does
+// not start.
 #include <sys/wait.h>
 
 #include <cstdio>
@@ -108,7 +109,8 @@ TEST_F(ColorProtocol, ABrokenConfigIsSaidByACheckAndKeepsADaemonFromStarting) {
   server->shutdown(0);
   server.reset();
   const auto gobod = [&](const std::string& arguments, std::string& said) {
-    FILE* pipe = ::popen(("timeout 60 " GOBOD_PATH " --config '" + folder + "/g.toml' --listen 'unix:" + folder + "/d.sock' " + arguments + " 2>&1").c_str(), "r");
+    FILE* pipe =
+        ::popen(("timeout 60 " GOBOD_PATH " --config '" + folder + "/g.toml' --listen 'unix:" + folder + "/d.sock' " + arguments + " 2>&1").c_str(), "r");
     said.clear();
     char part[512];
     while (const size_t n = std::fread(part, 1, sizeof part, pipe)) said.append(part, n);

@@ -78,7 +78,7 @@ TEST(DisplayTransforms, EachViewIsItsClosedForm) {
   const Config config;
   const Image image = colours();
   for (const char* view : {"Power", "Swapped", "Log", "sRGB", "Graded", "Half", "Raw"})
-    // A float's rounding: the approximations of powers and logarithms that are the library's default are further away.
+    // A float's rounding.
     EXPECT_LT(worst(config.shown(image, view), image, view), 2.5e-7) << view;
   EXPECT_LT(worst(config.shown(image, "Cinema", 0, "Projector"), image, "Cinema"), 2.5e-7);
   EXPECT_TRUE(config.said.empty()) << config.said[0];
@@ -91,7 +91,8 @@ TEST(DisplayTransforms, ExposureComesFirstThenTheLookThenTheView) {
   EXPECT_LT(worst(config.shown(image, "Power", -1.0), image, "Power", 0.5), 2e-6);
   const double warm[3] = {1.5, 1, 0.5}, twice[3] = {2, 2, 2};
   EXPECT_LT(worst(config.shown(image, "Power", 0, "", "warm"), image, "Power", 1, warm), 2e-6);
-  EXPECT_LT(worst(config.shown(image, "Log", 1, "Monitor", "warm"), image, "Log", 2, warm), 2e-6);  // the look is of linear light, not of the view's code values
+  EXPECT_LT(worst(config.shown(image, "Log", 1, "Monitor", "warm"), image, "Log", 2, warm),
+            2e-6);  // the look is of linear light, not of the view's code values
   // The view's own look stays.
   EXPECT_LT(worst(config.shown(image, "Graded", 0, "", "doubled"), image, "Graded", 1, twice), 2e-6);
 }
@@ -192,7 +193,8 @@ TEST(DisplayTransforms, ThreadsAndCompanyChangeNothing) {
     for (const size_t p : {size_t(0), size_t(1023), size_t(1024), size_t(2047), image.pixels() - 1}) {
       Image one(1, 1, 3);
       std::copy_n(image.data.begin() + long(3 * p), 3, one.data.begin());
-      EXPECT_EQ(shownByView(one, 0, **processor, false)->data, std::vector<float>(alone.data.begin() + long(3 * p), alone.data.begin() + long(3 * p + 3))) << view << p;
+      EXPECT_EQ(shownByView(one, 0, **processor, false)->data, std::vector<float>(alone.data.begin() + long(3 * p), alone.data.begin() + long(3 * p + 3)))
+          << view << p;
     }
     std::atomic<int> differ{0};
     std::vector<std::thread> threads;
@@ -395,7 +397,8 @@ struct EngineWithDisplays {
     if (configured) o.displays = config.displays;
     engine = std::move(*Engine::create(o));
   }
-  Status refused(const std::vector<std::string>& edits, const std::string& place, const std::vector<std::string>& words, Code code = Code::InvalidArgument) const {
+  Status refused(const std::vector<std::string>& edits, const std::string& place, const std::vector<std::string>& words,
+                 Code code = Code::InvalidArgument) const {
     v1::RenderRequest r = smallRequest("cornell");
     for (const std::string& e : edits) set(r, e);
     const Status s = engine->resolve(r).status();
