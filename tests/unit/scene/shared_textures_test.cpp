@@ -72,7 +72,7 @@ size_t arraysOf(const Scene& s) {
 
 // sRGB, linear, and sRGB cut out: three sets of levels, whatever the number of textures, samplers and images.
 TEST(SharedTextures, OnePictureIsKeptOnce) {
-  for (const auto& [images, side] : {std::pair(1, 2048), std::pair(500, 128)}) {
+  for (const auto& [images, side] : {std::pair(1, 2048), std::pair(500, 256)}) {
     const uint64_t one = uint64_t(side) * uint64_t(side) * 4, levels = one * 4 / 3;
     const std::string text = manyTextures(500, images, side);
     // A picture as floats (three channels), its texels, the document and encoded pictures.
