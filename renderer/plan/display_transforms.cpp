@@ -22,6 +22,12 @@ bool hasName(const std::vector<std::string>& names, const std::string& name) { r
 /// "request.encoding.view = \"Flim\"", of a request's own text.
 std::string given(const char* field, const std::string& value) { return std::string("request.encoding.") + field + " = \"" + value.substr(0, 200) + "\""; }
 
+Status sameConfig(const v1::Encoding& e, const ColorConfig& c) {
+  if (e.ocio_hash().empty() || e.ocio_hash() == c.hash()) return {};
+  return {Code::FailedPrecondition, given("ocio_hash", e.ocio_hash()) + ": the OpenColorIO config here, \"" + c.file() + "\", has " + c.hash(),
+          "request.encoding.ocio_hash"};
+}
+
 Status refused(const char* field, const std::string& value, const std::string& why) {
   return invalidArgument(given(field, value) + ": " + why, std::string("request.encoding.") + field);
 }
@@ -99,9 +105,7 @@ Status DisplayTransforms::resolve(v1::RenderRequest& resolved, const v1::RenderR
                   std::string("request.encoding.") + field);
   const ColorConfig& c = **known;
   const std::string of = " of the OpenColorIO config \"" + c.file() + "\"";
-  if (!e.ocio_hash().empty() && e.ocio_hash() != c.hash())
-    return Status(Code::FailedPrecondition, given("ocio_hash", e.ocio_hash()) + ": the OpenColorIO config here, \"" + c.file() + "\", has " + c.hash(),
-                  "request.encoding.ocio_hash");
+  GOBO_TRY(sameConfig(e, c));
   const std::vector<ColorConfig::Display>& displays = c.displays();
   if (e.display().empty()) e.set_display(displays.front().name);
   const auto display = std::find_if(displays.begin(), displays.end(), [&](const ColorConfig::Display& d) { return d.name == e.display(); });
@@ -125,6 +129,7 @@ Status DisplayTransforms::resolve(v1::RenderRequest& resolved, const v1::RenderR
 Result<std::shared_ptr<const ColorProcessor>> DisplayTransforms::processor(const v1::Encoding& e) {
   if (!throughView(e)) return std::shared_ptr<const ColorProcessor>();
   GOBO_ASSIGN(const std::shared_ptr<const ColorConfig> known, config());
+  GOBO_TRY(sameConfig(e, *known));
   const std::tuple key(e.display(), e.view(), e.look());
   {
     const std::lock_guard lock(mutex_);

@@ -37,7 +37,7 @@ class DisplayTransforms {
   /// field that is not of the config, says nothing (look alone, EXR) or stands in another's place; FailedPrecondition without a config, of a broken one or of
   /// another hash.
   Status resolve(v1::RenderRequest& resolved, const v1::RenderRequest& asked);
-  /// What a resolved encoding names; null: no view.
+  /// What a resolved encoding names; null: no view. Errors: FailedPrecondition without a config or of one with another hash.
   Result<std::shared_ptr<const ColorProcessor>> processor(const v1::Encoding& resolved);
 
  private:

@@ -14,6 +14,7 @@
 #include "server/farm/numeric_class.h"
 #include "server/log.h"
 #include "server/machine_memory.h"
+#include "server/server.h"
 #include "server/upload.h"
 
 namespace gobo::farm {
@@ -160,6 +161,7 @@ Status FarmWorker::attendOnce() {
       logInfo("farm: attends coordinator %s as %s (%s)", config_.farmCoordinator.c_str(), name_.c_str(), news.worker().c_str());
       if (!worker_ && !stopping_) {
         JobWorkerOptions options;
+        options.displays = displayTransforms(config_);
         options.workers = int(info.frames());
         options.leaseSeconds = std::clamp(news.lease_s(), 1.0, 86400.0);
         options.checkpointSeconds = std::clamp(news.checkpoint_s(), 0.05, 86400.0);

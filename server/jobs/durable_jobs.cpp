@@ -8,6 +8,7 @@
 
 #include "server/jobs/store_identity.h"
 #include "server/log.h"
+#include "server/server.h"
 
 namespace gobo {
 
@@ -55,6 +56,7 @@ Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunne
   self->scenes_ = std::make_unique<JobScenes>(engine, self->files_, config.ingestInputBytes);
   std::random_device random;
   JobWorkerOptions options;
+  options.displays = displayTransforms(config);
   options.workers = int(config.jobsWorkers);
   options.leaseSeconds = config.jobsLeaseSeconds;
   options.checkpointSeconds = config.jobsCheckpointSeconds;

@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "plan/display_transforms.h"
 #include "server/job_runner.h"
 #include "server/jobs/crash_marks.h"
 #include "server/jobs/job_files.h"
@@ -19,6 +20,7 @@
 namespace gobo {
 
 struct JobWorkerOptions {
+  std::shared_ptr<DisplayTransforms> displays;  ///< of the engine's config: frames put together from parts are shown by it; may be null
   int workers = 1;
   double leaseSeconds = 30;
   double checkpointSeconds = 30;  ///< between checkpoints of a frame; more when writing one takes over a twentieth of it

@@ -19,8 +19,9 @@ struct ColorJobs : ServerTest {
     ServerTest::SetUp();
     jobs = v1::Jobs::NewStub(channel);
   }
-  v1::Job submit(uint32_t spp, const std::string& view = "Log") {
+  v1::Job submit(uint32_t spp, const std::string& view = "Log", uint32_t tile = 0) {
     v1::JobSpec s;
+    if (tile) s.set_tile_px(tile);
     *s.mutable_request() = small(spp);
     s.mutable_request()->mutable_encoding()->set_format(v1::Encoding::PNG);
     s.mutable_request()->mutable_encoding()->set_view(view);
@@ -68,6 +69,13 @@ TEST_F(ColorJobs, AFrameIsThePictureOfARender) {
   const v1::Job done = get(job.id());
   ASSERT_EQ(done.frames_size(), 1);
   EXPECT_EQ(done.frames(0).files(0).sha256(), sha256Hex(picture.images[0].data(), picture.images[0].size()));
+}
+
+TEST_F(ColorJobs, AFrameInPartsIsTheSamePicture) {
+  const v1::Job whole = submit(4), split = submit(4, "Log", 16);
+  for (const v1::Job& job : {whole, split}) ASSERT_TRUE(eventually([&] { return get(job.id()).state() == v1::Job::DONE; })) << get(job.id()).DebugString();
+  EXPECT_GT(get(split.id()).frames(0).parts(), 1u);
+  EXPECT_EQ(get(split.id()).frames(0).files(0).sha256(), get(whole.id()).frames(0).files(0).sha256());
 }
 
 TEST_F(ColorJobs, AnotherConfigAfterARestartFailsTheRestAndSaysWhy) {
