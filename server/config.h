@@ -109,10 +109,10 @@ struct ServerConfig {
   uint64_t pinnedBytes = 0;                    ///< bound on the sum over running renders; 0: half of the machine's memory
   double drainSeconds = 30;                    ///< after SIGTERM, before running renders are cancelled
 
-  std::string jobsFolder;    ///< durable jobs; empty: none
+  std::string jobsFolder;     ///< durable jobs; empty: none
   std::string jobsOutFolder;  ///< below which jobs may have their files written (JobSpec.out); empty: none
-  std::string jobsStore;     ///< connection URI of a PostgreSQL database, shared by the daemons of a farm; empty: jobs.sqlite in the folder
-  uint32_t jobsWorkers = 1;  ///< frames that are rendered, or wait for a slot, at once
+  std::string jobsStore;      ///< connection URI of a PostgreSQL database, shared by the daemons of a farm; empty: jobs.sqlite in the folder
+  uint32_t jobsWorkers = 1;   ///< frames that are rendered, or wait for a slot, at once
   double jobsLeaseSeconds = 30, jobsCheckpointSeconds = 30;
   uint64_t jobsKeepBytes = 64ull << 30;  ///< results of jobs that are over
   double jobsKeepDays = 30;

@@ -17,9 +17,9 @@
 #include "commands.h"
 #include "frames.h"
 #include "report.h"
-#include "words.h"
 #include "request/request.h"
 #include "server/encode.h"
+#include "words.h"
 
 namespace gobo::cli {
 
@@ -68,8 +68,8 @@ void printJob(const v1::Job& job) {
   for (const v1::Frame& f : job.frames()) {
     std::string files = f.has_error() ? "error: " + escaped(f.error().message()) : "";
     for (const v1::FrameFile& file : f.files()) files += (files.empty() ? "" : " ") + escaped(file.name());
-    rows.push_back({std::to_string(f.frame()), lower(v1::Frame::State_Name(f.state())), doneText(f), std::to_string(f.spp()),
-                    std::to_string(f.attempts()), strf("%.1f", f.seconds()), files});
+    rows.push_back({std::to_string(f.frame()), lower(v1::Frame::State_Name(f.state())), doneText(f), std::to_string(f.spp()), std::to_string(f.attempts()),
+                    strf("%.1f", f.seconds()), files});
   }
   printTable({"frame", "state", "done", "spp", "attempts", "s", "files"}, rows, {true, false, true, true, true, true, false});
 }
@@ -352,7 +352,8 @@ int runJobList(const SessionOptions& options, const std::vector<std::string>& st
     }
     std::vector<std::vector<std::string>> rows;
     for (const v1::Job& job : all.jobs())
-      rows.push_back({escaped(job.id()), stateOf(job) + (job.waits_for_size() && !ended(job) ? ", waits for " + waitsText(job) : ""), strf("%.0f %%", 100 * job.progress()),
+      rows.push_back({escaped(job.id()), stateOf(job) + (job.waits_for_size() && !ended(job) ? ", waits for " + waitsText(job) : ""),
+                      strf("%.0f %%", 100 * job.progress()),
                       strf("%llu/%llu", static_cast<unsigned long long>(job.frames_done()), static_cast<unsigned long long>(job.frames_total())),
                       timeText(job.submitted_unix_s()), escaped(job.spec().name())});
     if (rows.empty()) std::printf("no jobs\n");

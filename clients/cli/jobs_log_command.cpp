@@ -63,7 +63,7 @@ class LogTail {
   bool json_;
   uint64_t after_ = 0;
   double newest_ = 0;
-  std::set<uint64_t> shown_;                       // above after_
+  std::set<uint64_t> shown_;                        // above after_
   std::deque<std::pair<uint64_t, double>> recent_;  // sequence, time
 };
 

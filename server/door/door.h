@@ -5,14 +5,12 @@
 //   GET  /, /NAME            the viewer (clients/viewer)
 //   GET  /v1/schema          what a request may hold: fields, kinds, ranges, defaults, help (schema.h)
 //   GET  /v1/status          StatusReply
-//   GET  /v1/jobs            ListJobsReply, the newest 50, without spec.request     GET /v1/workers  WorkersReply (Farm.Workers: needs the worker or admin right of a token)
-//   GET  /v1/scenes          ListScenesReply          POST /v1/scenes {"source"}   SceneInfo (Open)
-//   GET  /v1/scenes/ID       SceneInfo
-//   GET  /v1/blobs/SHA256?bytes=N           {"received"}: how much of that file is there    POST ...?bytes=N&offset=K   the file from there on, as it is
-//   POST /v1/plan            RenderRequest -> PlanReply
-//   POST /v1/render          RenderRequest -> one picture    /v1/relight   RelightRequest -> one picture
-//   POST /v1/render/stream   RenderRequest -> frames         /v1/relight/stream
-//   POST /render             Drake's glTF Render Client-Server API: a form with a scene and a camera -> PNG or TIFF (docs/drake.md)
+//   GET  /v1/jobs            ListJobsReply, the newest 50, without spec.request     GET /v1/workers  WorkersReply (Farm.Workers: needs the worker or admin
+//   right of a token) GET  /v1/scenes          ListScenesReply          POST /v1/scenes {"source"}   SceneInfo (Open) GET  /v1/scenes/ID       SceneInfo GET
+//   /v1/blobs/SHA256?bytes=N           {"received"}: how much of that file is there    POST ...?bytes=N&offset=K   the file from there on, as it is POST
+//   /v1/plan            RenderRequest -> PlanReply POST /v1/render          RenderRequest -> one picture    /v1/relight   RelightRequest -> one picture POST
+//   /v1/render/stream   RenderRequest -> frames         /v1/relight/stream POST /render             Drake's glTF Render Client-Server API: a form with a scene
+//   and a camera -> PNG or TIFF (docs/drake.md)
 //
 // A frame is a 32-bit little-endian length, that many bytes of JSON ({"bytes": N, "progress" | "snapshot" | "reply" | "error": ...}), and N bytes
 // of pictures in the order of the reply's images. Errors before the first frame are an HTTP status and {"error": {"code", "message"}},

@@ -94,7 +94,8 @@ Status JobOut::deliver(TaskStore& store, const JobFiles& files, const Lease& lea
   const v1::JobSpec& spec = record->job.spec();
   if (spec.out().empty() || placeOf(lease.task.index, int64_t(record->job.frames_total()), record->parts).part) return {};
   if (const auto state = store.check(lease); !state.ok()) return state.status().code() == Code::FailedPrecondition ? Status() : state.status();
-  if (!on()) return {Code::Unavailable, jobIdText(lease.task.job) + " is to be written to \"" + escaped(spec.out()) + "\", but jobs.out_folder is not set any more"};
+  if (!on())
+    return {Code::Unavailable, jobIdText(lease.task.job) + " is to be written to \"" + escaped(spec.out()) + "\", but jobs.out_folder is not set any more"};
   for (const v1::FrameFile& f : done) {
     GOBO_ASSIGN(const std::vector<uint8_t> bytes, files.read(files.resultPath(lease.task.job, f.sha256())));
     GOBO_TRY(write(outPath(spec, jobIdText(lease.task.job), lease.frame, f.output()), bytes));

@@ -46,13 +46,13 @@ Status checkParts(const v1::JobSpec& spec, int64_t frames) {
   const v1::RenderRequest& r = spec.request();
   if (r.has_window()) return invalidArgument("job.tile_px and job.request.window: one of them", "job.tile_px");
   if (r.has_certificate() || r.halt().has_error())
-    return invalidArgument(strf("job.tile_px = %u: %s is of a whole picture", spec.tile_px(), r.halt().has_error() ? "request.halt.error" : "request.certificate"),
-                           "job.tile_px");
+    return invalidArgument(
+        strf("job.tile_px = %u: %s is of a whole picture", spec.tile_px(), r.halt().has_error() ? "request.halt.error" : "request.certificate"), "job.tile_px");
   const int64_t tasks = frames * (1 + int64_t(partsOf(spec)));
   if (tasks <= kMostTasks) return {};
-  return invalidArgument(strf("job.tile_px = %u: %lld frames of %u parts, at most %lld together", spec.tile_px(), (long long)frames, partsOf(spec),
-                              (long long)kMostTasks),
-                         "job.tile_px");
+  return invalidArgument(
+      strf("job.tile_px = %u: %lld frames of %u parts, at most %lld together", spec.tile_px(), (long long)frames, partsOf(spec), (long long)kMostTasks),
+      "job.tile_px");
 }
 
 }  // namespace

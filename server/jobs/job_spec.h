@@ -22,8 +22,8 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
 std::string specDigest(const v1::JobSpec& sent);
 /// The request of a frame: time_s = frame / fps when fps is given.
 v1::RenderRequest frameRequest(const v1::JobSpec& spec, int64_t frame);
-/// Ids of jobs as numbers, each once, at most kMostNeeds; `field` is what they are called ("job.after"). Errors: NotFound for what is no id, InvalidArgument; both
-/// name FIELD[K].
+/// Ids of jobs as numbers, each once, at most kMostNeeds; `field` is what they are called ("job.after"). Errors: NotFound for what is no id, InvalidArgument;
+/// both name FIELD[K].
 constexpr int kMostNeeds = 200;
 Result<std::vector<int64_t>> parseJobIds(const google::protobuf::RepeatedPtrField<std::string>& ids, const std::string& field);
 bool jobHasFrame(const v1::JobSpec& resolved, int64_t frame);

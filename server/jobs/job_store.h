@@ -32,7 +32,7 @@ struct NewJob {
   std::string sceneHash, sceneSource, sceneFile;  ///< sceneFile: name under FOLDER/scenes of an upload, or empty
   std::string environmentDigest;                  ///< sha256 of the environment's file, or empty
   std::vector<int64_t> frames;
-  uint32_t parts = 0;  ///< of each frame; 0: not split
+  uint32_t parts = 0;          ///< of each frame; 0: not split
   std::vector<int64_t> after;  ///< jobs that must be done first; each once
 };
 
@@ -82,8 +82,8 @@ class JobStore : public TaskStore {
   /// or results are gone (expireResults); ResourceExhausted as submit.
   virtual Status retry(int64_t id) = 0;
   virtual Status prioritize(int64_t id, v1::JobSpec::Priority priority) = 0;
-  /// What a job waits for, in place of what it waited for; of one that is over, nothing is all that it may be told. Those that are done are not waited for. Errors: NotFound at "after[K]";
-  /// InvalidArgument for a circle, naming the shortest way round; FailedPrecondition for one that is over and `after`.
+  /// What a job waits for, in place of what it waited for; of one that is over, nothing is all that it may be told. Those that are done are not waited for.
+  /// Errors: NotFound at "after[K]"; InvalidArgument for a circle, naming the shortest way round; FailedPrecondition for one that is over and `after`.
   virtual Status depend(int64_t id, const std::vector<int64_t>& after) = 0;
   /// FailedPrecondition unless it is over, and while others wait for it, naming them.
   virtual Status remove(int64_t id) = 0;

@@ -65,7 +65,8 @@ grpc::Status JobsService::submit(Rpc& rpc, const v1::JobSpec& spec, v1::Job* rep
   if (*id == 0) {
     if (const auto needs = readNeeds(rpc, spec.after(), "job.after"); !needs.ok()) return toGrpc(needs.status());
     if (!spec.out().empty() && !jobs.out().on())
-      return toGrpc({Code::FailedPrecondition, "job.out: this daemon writes no files of jobs: set out_folder in its [jobs] section (docs/operations.md)", "job.out"});
+      return toGrpc(
+          {Code::FailedPrecondition, "job.out: this daemon writes no files of jobs: set out_folder in its [jobs] section (docs/operations.md)", "job.out"});
     const double now = std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
     // Before anything is opened: an answer must not tell which files exist where the caller may not look.
     const grpc::Status path = checkPath(rpc, spec.request().environment().path(), "job.request.environment.path");

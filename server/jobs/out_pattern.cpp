@@ -26,11 +26,8 @@ Status badOut(const std::string& pattern, const std::string& why) {
 }
 
 std::optional<OutPiece> outVariable(const std::string& word) {
-  constexpr std::pair<const char*, OutVariable> kPlain[] = {{"name", OutVariable::Name},
-                                                           {"job", OutVariable::Job},
-                                                           {"frame", OutVariable::Frame},
-                                                           {"output", OutVariable::Output},
-                                                           {"ext", OutVariable::Ext}};
+  constexpr std::pair<const char*, OutVariable> kPlain[] = {
+      {"name", OutVariable::Name}, {"job", OutVariable::Job}, {"frame", OutVariable::Frame}, {"output", OutVariable::Output}, {"ext", OutVariable::Ext}};
   for (const auto& [text, variable] : kPlain)
     if (word == text) return OutPiece{variable, {}, 0};
   if (word.size() == 8 && word.rfind("frame:0", 0) == 0 && word[7] >= '1' && word[7] <= '9') return OutPiece{OutVariable::Frame, {}, word[7] - '0'};
@@ -53,8 +50,7 @@ Result<std::vector<OutPiece>> outPieces(const std::string& pattern) {
     if (end == std::string::npos) return badOut(pattern, "a { without its }");
     const std::string word = pattern.substr(at + 1, end - at - 1);
     const auto piece = outVariable(word);
-    if (!piece)
-      return badOut(pattern, "{" + escaped(word.substr(0, 40)) + "} is none of {name}, {job}, {frame}, {frame:04} (01 to 09), {output}, {ext}");
+    if (!piece) return badOut(pattern, "{" + escaped(word.substr(0, 40)) + "} is none of {name}, {job}, {frame}, {frame:04} (01 to 09), {output}, {ext}");
     flush();
     pieces.push_back(*piece);
     at = end;
@@ -107,16 +103,13 @@ std::vector<std::string> outputsInFiles(const v1::JobSpec& spec) {
   return {r.outputs().begin(), r.outputs().end()};
 }
 
-OutFile outFileOf(const v1::JobSpec& spec, const std::string& job) {
-  return {plainName(spec), job, {}, extensionOf(spec.request().encoding().format()), 0};
-}
+OutFile outFileOf(const v1::JobSpec& spec, const std::string& job) { return {plainName(spec), job, {}, extensionOf(spec.request().encoding().format()), 0}; }
 
 }  // namespace
 
 Status checkOutPattern(const std::string& pattern) {
   if (pattern.empty()) return {};
-  if (pattern.size() > kOutPatternBytes)
-    return invalidArgument(strf("job.out has %zu bytes: at most %zu", pattern.size(), kOutPatternBytes), "job.out");
+  if (pattern.size() > kOutPatternBytes) return invalidArgument(strf("job.out has %zu bytes: at most %zu", pattern.size(), kOutPatternBytes), "job.out");
   if (std::any_of(pattern.begin(), pattern.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; })) return badOut(pattern, "has a control character");
   if (pattern[0] == '/') return badOut(pattern, "is absolute: must be relative, below jobs.out_folder");
   GOBO_ASSIGN(const std::vector<OutPiece> pieces, outPieces(pattern));
@@ -141,7 +134,8 @@ Status checkOutPaths(const v1::JobSpec& spec, const std::vector<int64_t>& frames
   if (ext == "jpeg") ext = "jpg";
   constexpr const char* kPictures[] = {"exr", "png", "jpg", "raw", "tif", "tiff", "hdr", "pfm", "tga", "bmp", "gif", "webp", "dpx"};
   if (ext != file.ext && std::any_of(std::begin(kPictures), std::end(kPictures), [&](const char* known) { return ext == known; }))
-    return badOut(pattern, "ends in ." + ext + ", but encoding.format is " + v1::Encoding::Format_Name(spec.request().encoding().format()) + ": {ext} follows it");
+    return badOut(pattern,
+                  "ends in ." + ext + ", but encoding.format is " + v1::Encoding::Format_Name(spec.request().encoding().format()) + ": {ext} follows it");
   std::vector<size_t> hashes;  // of the paths: there may be millions
   const auto each = [&](const std::function<Status(const std::string&)>& visit) -> Status {
     for (const int64_t frame : frames) {

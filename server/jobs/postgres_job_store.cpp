@@ -240,11 +240,12 @@ Result<std::string> PostgresJobStore::integrity() {
   std::string found = "ok";
   GOBO_TRY(look([&]() -> Status {
     found = "ok";
-    SqlQuery q(db_,
-               "SELECT j.id FROM job j LEFT JOIN (SELECT job, count(*) FILTER (WHERE whole IS NULL) AS n, count(*) FILTER (WHERE state = 3 AND whole IS NULL) AS done,"
-               " count(*) FILTER (WHERE state = 4 AND whole IS NULL) AS failed, count(*) FILTER (WHERE state = 2) AS running FROM task GROUP BY job) t ON t.job = j.id"
-               " WHERE coalesce(t.n, 0) <> j.frames OR coalesce(t.done, 0) <> j.done OR coalesce(t.failed, 0) <> j.failed"
-               " OR (j.state = 1 AND t.running > 0) OR (j.state > 3 AND t.running > 0) ORDER BY 1 LIMIT 1");
+    SqlQuery q(
+        db_,
+        "SELECT j.id FROM job j LEFT JOIN (SELECT job, count(*) FILTER (WHERE whole IS NULL) AS n, count(*) FILTER (WHERE state = 3 AND whole IS NULL) AS done,"
+        " count(*) FILTER (WHERE state = 4 AND whole IS NULL) AS failed, count(*) FILTER (WHERE state = 2) AS running FROM task GROUP BY job) t ON t.job = j.id"
+        " WHERE coalesce(t.n, 0) <> j.frames OR coalesce(t.done, 0) <> j.done OR coalesce(t.failed, 0) <> j.failed"
+        " OR (j.state = 1 AND t.running > 0) OR (j.state > 3 AND t.running > 0) ORDER BY 1 LIMIT 1");
     while (q.next()) found = jobIdText(q.integer(0)) + " does not count its frames right";
     return q.status();
   }));

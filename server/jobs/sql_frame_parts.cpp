@@ -10,8 +10,8 @@ namespace gobo {
 using Query = SqlQuery;
 
 // Of the parts of frame ?2 of job ?1, for rows called `task`.
-#define GOBO_ITS_PARTS                                                                                             \
-  " job = ?1 AND idx >= (SELECT frames + ?2 * parts FROM job WHERE id = ?1)"                                       \
+#define GOBO_ITS_PARTS                                                       \
+  " job = ?1 AND idx >= (SELECT frames + ?2 * parts FROM job WHERE id = ?1)" \
   " AND idx < (SELECT frames + (?2 + 1) * parts FROM job WHERE id = ?1) AND whole = ?2"
 
 Result<std::vector<v1::FrameFile>> SqlJobStore::parts(TaskId frame) {
@@ -66,9 +66,8 @@ Status SqlJobStore::endParts(TaskId frame, uint64_t revision) {
     Query q(db(), "DELETE FROM checkpoint WHERE job = ?1 AND idx IN (SELECT idx FROM task WHERE" GOBO_ITS_PARTS " AND state IN (1, 2))");
     GOBO_TRY(q.bind(frame.job).bind(frame.index).run());
   }
-  Query q(db(),
-          "UPDATE task SET token = CASE WHEN state = 2 THEN ?3 ELSE token END, state = 5, holder = '', revision = ?4 WHERE" GOBO_ITS_PARTS
-          " AND state IN (1, 2)");
+  Query q(db(), "UPDATE task SET token = CASE WHEN state = 2 THEN ?3 ELSE token END, state = 5, holder = '', revision = ?4 WHERE" GOBO_ITS_PARTS
+                " AND state IN (1, 2)");
   return q.bind(frame.job).bind(frame.index).bind(token).bind(revision).run();
 }
 

@@ -126,10 +126,10 @@ class SqlJobStore : public JobStore {
   Status setFailure(TaskId id, const Status& reason, uint64_t revision);
   // Of frames in parts (sql_frame_parts.cpp).
   Status partDone(TaskId frame, uint32_t parts, double seconds, uint64_t revision);
-  Status dropParts(TaskId frame, uint64_t revision);   ///< their files are needed no more
+  Status dropParts(TaskId frame, uint64_t revision);                       ///< their files are needed no more
   Status partsAgain(TaskId frame, const TaskRow& row, uint64_t revision);  ///< their files are damaged or gone
-  Status endParts(TaskId frame, uint64_t revision);    ///< what of them waits or runs is cancelled
-  Status recountParts(const JobRecord& record, uint64_t revision);  ///< of frames that wait
+  Status endParts(TaskId frame, uint64_t revision);                        ///< what of them waits or runs is cancelled
+  Status recountParts(const JobRecord& record, uint64_t revision);         ///< of frames that wait
   Status readParts(const JobRecord& record, const std::vector<int64_t>& indices, uint64_t after, v1::Job& job);
   Status settle(int64_t job, uint64_t revision);  ///< job done or failed when no frame is left
   Status idle(int64_t job, uint64_t revision);    ///< a running job none of whose frames runs is a queued one again

@@ -19,8 +19,14 @@ Result<SqlJobStore::TaskRow> SqlJobStore::task(TaskId id) {
   bool found = false;
   while (q.next()) {
     const auto parts = uint32_t(q.integer(7));
-    row = {v1::Frame::State(q.integer(0)), uint64_t(q.integer(1)), uint32_t(q.integer(2)), v1::Job::State(q.integer(3)), uint32_t(q.integer(4)),
-           q.integer(5), placeOf(id.index, q.integer(6), parts), parts};
+    row = {v1::Frame::State(q.integer(0)),
+           uint64_t(q.integer(1)),
+           uint32_t(q.integer(2)),
+           v1::Job::State(q.integer(3)),
+           uint32_t(q.integer(4)),
+           q.integer(5),
+           placeOf(id.index, q.integer(6), parts),
+           parts};
     found = true;
   }
   if (!q.status().ok()) return q.status();

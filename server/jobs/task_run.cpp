@@ -145,9 +145,7 @@ Status TaskRun::render(std::vector<EncodedImage>& images) {
   if (record_.parts && !place_.part) {
     GOBO_ASSIGN(parts_, w_.store_.parts(lease_.task));
     GOBO_TRY(joinFrame(parts_));
-    if (w_.options_.displays) {
-      GOBO_ASSIGN(result_->view, w_.options_.displays->processor(result_->reply.resolved().encoding()));
-    }
+    if (w_.options_.displays) { GOBO_ASSIGN(result_->view, w_.options_.displays->processor(result_->reply.resolved().encoding())); }
   } else {
     v1::RenderRequest request = frameRequest(record_.job.spec(), lease_.frame);
     if (place_.part) *request.mutable_window() = partWindow(record_.job.spec(), *place_.part);

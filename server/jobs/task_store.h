@@ -32,7 +32,7 @@ struct TaskId {
 
 /// What a task of a job of `frames` frames of `parts` parts is: 0 .. frames - 1 are the frames, frames + f parts + p is part p of frame f.
 struct TaskPlace {
-  int64_t frame = 0;              ///< index
+  int64_t frame = 0;             ///< index
   std::optional<uint32_t> part;  ///< absent: the frame
 };
 inline TaskPlace placeOf(int64_t index, int64_t frames, uint32_t parts) {

@@ -70,8 +70,8 @@ TEST(Sequence, EveryMethodCanSucceed) {
     add(bytes, kAlice, method);
   for (const char* method : {"Render.Render", "Render.RenderProgressive", "Render.RenderInline", "Render.Relight", "Render.Plan"})
     add(bytes, kAlice, method, kCompared);
-  for (const char* method : {"Jobs.Submit", "Jobs.Get", "Jobs.List", "Jobs.Pause", "Jobs.Resume", "Jobs.Prioritize", "Jobs.Depend", "Jobs.Log", "Jobs.Cancel", "Jobs.Retry",
-                             "Jobs.Cancel", "Jobs.Watch", "Jobs.Fetch", "Jobs.Delete"})
+  for (const char* method : {"Jobs.Submit", "Jobs.Get", "Jobs.List", "Jobs.Pause", "Jobs.Resume", "Jobs.Prioritize", "Jobs.Depend", "Jobs.Log", "Jobs.Cancel",
+                             "Jobs.Retry", "Jobs.Cancel", "Jobs.Watch", "Jobs.Fetch", "Jobs.Delete"})
     add(bytes, kAlice, method);
   for (const char* method : {"Scenes.Unload"}) add(bytes, kAlice, method);
   for (const char* method : {"Admin.ListTerms", "Admin.PinTerms", "Admin.DropCaches", "Admin.GetStatus", "Admin.Shutdown"}) add(bytes, kRoot, method);

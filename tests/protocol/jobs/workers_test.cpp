@@ -236,7 +236,8 @@ TEST_F(FarmCalls, FramesInPartsHaveTheBytesOfWholeOnes) {
   const v1::Job job = over(submit(s).id());
   EXPECT_EQ(job.frames(0).parts(), 2u);
   EXPECT_EQ(job.frames(0).parts_done(), 2u);
-  EXPECT_EQ(job.result_bytes(), job.frames(0).files(0).bytes() + job.frames(0).files(1).bytes() + job.frames(1).files(0).bytes() + job.frames(1).files(1).bytes());
+  EXPECT_EQ(job.result_bytes(),
+            job.frames(0).files(0).bytes() + job.frames(0).files(1).bytes() + job.frames(1).files(0).bytes() + job.frames(1).files(1).bytes());
   uint64_t done = 0;
   for (const v1::Worker& w : list()) done += w.done();
   EXPECT_EQ(done, 6u);

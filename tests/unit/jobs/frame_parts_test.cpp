@@ -74,9 +74,10 @@ TEST(FrameParts, PutTogetherHaveTheBytesOfTheWholesFile) {
   expectSameFiles(R"({"scene": "cornell", "width": 40, "height": 33, "halt": {"spp": 3}, "shadows": {"ray_traced": {}}, "encoding": {"layers": true},
                       "outputs": ["beauty", "depth", "normal", "variance", "sample_count", "object_id", "cryptomatte_object", "group:light", "visibility:light"]})",
                   17);
-  expectSameFiles(R"({"scene": "lights8", "width": 36, "height": 20, "halt": {"spp": 2}, "shadows": {"percentage_closer_soft": {}}, "encoding": {"format": "PNG"},
+  expectSameFiles(
+      R"({"scene": "lights8", "width": 36, "height": 20, "halt": {"spp": 2}, "shadows": {"percentage_closer_soft": {}}, "encoding": {"format": "PNG"},
                       "outputs": ["beauty", "depth", "motion"]})",
-                  16);
+      16);
   expectSameFiles(R"({"scene": "fence", "width": 50, "height": 34, "halt": {"spp": 4}, "encoding": {"format": "RAW_FLOAT"},
                       "filters": [{"bilateral": {}}, {"sharpen": {}}]})",
                   24);

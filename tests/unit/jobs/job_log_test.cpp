@@ -68,7 +68,8 @@ TEST_P(JobLog, FailuresLossesAndWhatIsSetAside) {
     time += 31;
     ASSERT_EQ(*store->expireLeases(), 1u);
   }
-  EXPECT_EQ(said(b).rfind("SUBMITTED; CLAIMED 10 x; LOST 10 x; CLAIMED 10 x; LOST 10 x; CLAIMED 10 x; LOST 10 x; SET_ASIDE 10 'its worker was lost 3 times", 0), 0u)
+  EXPECT_EQ(said(b).rfind("SUBMITTED; CLAIMED 10 x; LOST 10 x; CLAIMED 10 x; LOST 10 x; CLAIMED 10 x; LOST 10 x; SET_ASIDE 10 'its worker was lost 3 times", 0),
+            0u)
       << said(b);
   const int64_t c = submit(makeJob(2));
   const auto held = claim(30, "y");

@@ -55,21 +55,21 @@ TEST(OutPattern, Variables) {
 
 TEST(OutPattern, WhatIsRefusedSaysWhy) {
   for (const auto& [pattern, why] : std::initializer_list<std::pair<const char*, const char*>>{{"/abs.exr", "is absolute"},
-                                                                                              {"a//b.exr", "empty part"},
-                                                                                              {"a/", "empty part"},
-                                                                                              {"../x.exr", "part \"..\""},
-                                                                                              {"a/../x.exr", "part \"..\""},
-                                                                                              {"a/.", "part \".\""},
-                                                                                              {"a/./x", "part \".\""},
-                                                                                              {"{nme}.exr", "{nme} is none of"},
-                                                                                              {"{frame:4}", "{frame:4} is none of"},
-                                                                                              {"{frame:00}", "{frame:00} is none of"},
-                                                                                              {"{frame:010}", "{frame:010} is none of"},
-                                                                                              {"{}", "{} is none of"},
-                                                                                              {"{name", "a { without its }"},
-                                                                                              {"name}", "a } without its {"},
-                                                                                              {"a\nb", "control character"},
-                                                                                              {"a\x7f", "control character"}})
+                                                                                               {"a//b.exr", "empty part"},
+                                                                                               {"a/", "empty part"},
+                                                                                               {"../x.exr", "part \"..\""},
+                                                                                               {"a/../x.exr", "part \"..\""},
+                                                                                               {"a/.", "part \".\""},
+                                                                                               {"a/./x", "part \".\""},
+                                                                                               {"{nme}.exr", "{nme} is none of"},
+                                                                                               {"{frame:4}", "{frame:4} is none of"},
+                                                                                               {"{frame:00}", "{frame:00} is none of"},
+                                                                                               {"{frame:010}", "{frame:010} is none of"},
+                                                                                               {"{}", "{} is none of"},
+                                                                                               {"{name", "a { without its }"},
+                                                                                               {"name}", "a } without its {"},
+                                                                                               {"a\nb", "control character"},
+                                                                                               {"a\x7f", "control character"}})
     refused(checkOutPattern(pattern), why);
   refused(checkOutPattern(std::string("a\0b", 3)), "control character");
   refused(checkOutPattern(std::string(1001, 'x')), "1001 bytes: at most 1000");

@@ -158,8 +158,8 @@ TEST_P(EachCrash, AStatementThatFailsRollsBackAndTheReportIsRepeated) {
   const int64_t id = submit(makeJob());
   const auto lease = claim();
   const std::string before = dump(*store, !postgres());
-  for (const char* at : {"BEGIN", postgres() ? "SELECT pg_current_xact_id" : "UPDATE counter", "INSERT INTO file", "INSERT INTO log", "DELETE FROM checkpoint", "UPDATE task",
-                         "UPDATE job", "COMMIT"}) {
+  for (const char* at : {"BEGIN", postgres() ? "SELECT pg_current_xact_id" : "UPDATE counter", "INSERT INTO file", "INSERT INTO log", "DELETE FROM checkpoint",
+                         "UPDATE task", "UPDATE job", "COMMIT"}) {
     refuse = at;
     EXPECT_EQ(store->complete(*lease, files(), 1).code(), Code::ResourceExhausted) << at;
     refuse.clear();

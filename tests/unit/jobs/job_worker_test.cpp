@@ -235,9 +235,7 @@ TEST_F(Worker, APartsFileThatIsDamagedOrGoneIsMadeAgain) {
     f.set_sha256(i ? sha256Hex(real.data(), real.size()) : std::string(64, '0'));
     std::string damaged = real;
     damaged[real.size() / 2] ^= 1;
-    if (i == 1) {
-      ASSERT_TRUE(files_.write(files_.resultPath(id, f.sha256()), damaged.data(), damaged.size()).ok());
-    }
+    if (i == 1) { ASSERT_TRUE(files_.write(files_.resultPath(id, f.sha256()), damaged.data(), damaged.size()).ok()); }
     ASSERT_TRUE(store->complete(parts[i], {f}, 1).ok());
   }
   start();

@@ -432,9 +432,10 @@ TEST_F(PostgresStore, AStoreOfVersionOneIsTakenOver) {
   store.reset();
   Postgres db(test::postgresServer().uri(), 5);
   ASSERT_TRUE(db.connect().ok());
-  ASSERT_TRUE(db.exec("SET search_path = gobo; DROP TABLE log; DROP TABLE depend; DROP INDEX task_queued; ALTER TABLE task DROP COLUMN waits, DROP COLUMN whole;"
-                      "ALTER TABLE job DROP COLUMN parts; CREATE INDEX task_queued ON task(job, idx) WHERE state = 1; UPDATE store SET version = 1")
-                  .ok());
+  ASSERT_TRUE(
+      db.exec("SET search_path = gobo; DROP TABLE log; DROP TABLE depend; DROP INDEX task_queued; ALTER TABLE task DROP COLUMN waits, DROP COLUMN whole;"
+              "ALTER TABLE job DROP COLUMN parts; CREATE INDEX task_queued ON task(job, idx) WHERE state = 1; UPDATE store SET version = 1")
+          .ok());
   open();
   EXPECT_EQ(*db.exec("SELECT version FROM gobo.store"), "2");
   EXPECT_TRUE(store->complete(*lease, files(), 1).ok()) << "what was running goes on";
