@@ -238,9 +238,12 @@ TEST_F(FarmCalls, FramesInPartsHaveTheBytesOfWholeOnes) {
   EXPECT_EQ(job.frames(0).parts_done(), 2u);
   EXPECT_EQ(job.result_bytes(),
             job.frames(0).files(0).bytes() + job.frames(0).files(1).bytes() + job.frames(1).files(0).bytes() + job.frames(1).files(1).bytes());
-  uint64_t done = 0;
-  for (const v1::Worker& w : list()) done += w.done();
-  EXPECT_EQ(done, 6u);
+  const auto done = [&] {
+    uint64_t sum = 0;
+    for (const v1::Worker& w : list()) sum += w.done();
+    return sum;
+  };
+  EXPECT_TRUE(eventually([&] { return done() == 6; }, 10)) << done() << ": the job is over a moment before its last worker is known to have done it";
   for (const auto& w : workers) w->worker->stop();
   sameBits(job);
   EXPECT_EQ(filesUnder(folder + "/jobs/results"), 4u) << "files of parts stay";
