@@ -1,11 +1,11 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 # SPDX-License-Identifier: Apache-2.0
 """Why interactive renders are not in a process of their own: what a crash costs while they are in the daemon, and what a second process would cost every picture.
 
     bench/restart.py [--build build] [--scene SCENE] [--runs 9]
 
 A crash: a daemon with a cache folder is killed with -9 while it renders and started again at once, as its unit does (Restart=on-failure); from the kill until a client that repeats its request
-has the picture that it had before, which the disk cache serves; and until it has one of another seed. A second process: what the picture takes over the daemon's socket as it is, and
+has the picture that it had before (the disk cache keeps what was dear to make, which a path-traced picture of few samples is not); and until it has one of another seed. A second process: what the picture takes over the daemon's socket as it is, and
 the bytes of a picture through one more Unix socket pair (a front that passes on what a renderer sends), the least that any split would add without shared memory. Medians; times are reported, nothing is decided by them.
 """
 import argparse
