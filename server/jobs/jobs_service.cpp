@@ -5,6 +5,7 @@
 #include <chrono>
 
 #include "server/blobs_service.h"
+#include "server/jobs/frame_parts.h"
 #include "server/jobs/job_spec.h"
 #include "server/limits.h"
 
@@ -140,6 +141,7 @@ grpc::Status JobsService::list(Rpc& rpc, const v1::ListJobsRequest& sent, v1::Li
     JobRecord record;
     record.job = std::move((*jobs)[i]);
     record.id = jobIdOf(record.job.id());
+    record.parts = partsOf(record.job.spec());
     core_.durable->hub().overlay(record);
     *reply->add_jobs() = std::move(record.job);
   }

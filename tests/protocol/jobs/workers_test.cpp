@@ -443,6 +443,29 @@ TEST_F(FarmProgress, IsSeenWhereTheJobIs) {
   EXPECT_TRUE(eventually([&] { return list().at(0).running() == 0; })) << "told at once, not with the next renewal";
 }
 
+// Of a part that runs only its share of the frame shows, in the job alone and in the list of all.
+TEST_F(FarmProgress, OfAPartIsItsShareOfTheFrame) {
+  v1::JobSpec s = spec(4, 1);
+  s.set_tile_px(16);  // two parts, and putting them together: thirds
+  const v1::Job job = submit(s);
+  Played played(*farm);
+  const v1::ClaimReply part = claim(played.id);
+  ASSERT_TRUE(part.has_lease());
+  v1::HoldRequest hold;
+  *hold.mutable_lease() = part.lease();
+  hold.set_progress(0.75);
+  v1::HoldReply held;
+  ASSERT_TRUE(call(&v1::Farm::Stub::Hold, hold, &held).ok());
+  EXPECT_DOUBLE_EQ(get(job.id()).progress(), 0.25);
+  EXPECT_DOUBLE_EQ(get(job.id()).frames(0).progress(), 0.25);
+  grpc::ClientContext context;
+  bound(context);
+  v1::ListJobsReply all;
+  ASSERT_TRUE(jobs->List(&context, {}, &all).ok());
+  ASSERT_EQ(all.jobs_size(), 1);
+  EXPECT_DOUBLE_EQ(all.jobs(0).progress(), 0.25);
+}
+
 // An idle worker asks seldom: it is the stream that says that there is something.
 TEST_F(FarmProgress, IdleWorkersAreToldOfWork) {
   hire(1);
