@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <mutex>
 #include <set>
 #include <sstream>
 
@@ -14,6 +15,13 @@ namespace gobo::color {
 namespace {
 
 namespace ocio = OCIO_NAMESPACE;
+
+/// Held while the library reads configs or makes processors, of whichever config: it reads variables of the environment into a string of its own that all threads
+/// share (OpenColorIO 2.1, GetEnvVariable). Pictures go through processors side by side.
+std::mutex& library() {
+  static std::mutex mutex;
+  return mutex;
+}
 
 /// What configs of the field call linear light with the primaries of Rec. 709, as name or alias: ACES 1.3 and later, its short form, ACES 1.0 to 1.2, and
 /// OpenColorIO's own.
@@ -119,6 +127,7 @@ class Config final : public ColorConfig {
 
   Result<std::shared_ptr<const ColorProcessor>> processor(const std::string& display, const std::string& view, const std::string& look) const override {
     try {
+      const std::lock_guard lock(library());
       const auto processor = config_->getProcessor(pipeline(from_, display, view, look));
       // Not the library's default, which approximates powers and logarithms where it is built with SSE. Debian's is not, but pictures must not hang on that.
       const auto cpu = processor->getOptimizedCPUProcessor(ocio::BIT_DEPTH_F32, ocio::BIT_DEPTH_F32, ocio::OPTIMIZATION_LOSSLESS);
@@ -145,6 +154,7 @@ Result<std::shared_ptr<const ColorConfig>> openConfig(const std::string& file, c
   text << in.rdbuf();
   if (!in || text.str().empty()) return notFound(name + ": cannot be read, or is empty");
   try {
+    const std::lock_guard lock(library());
     ocio::ClearAllCaches();                 // of files that another config had read: by their names, whatever is in them now
     std::istringstream stream(text.str());  // the bytes that are hashed are the bytes that are parsed
     const auto read = ocio::Config::CreateFromStream(stream)->createEditableCopy();
