@@ -16,8 +16,8 @@ namespace {
 
 namespace ocio = OCIO_NAMESPACE;
 
-/// Held while the library reads configs or makes processors, of whichever config: it reads variables of the environment into a string of its own that all threads
-/// share (OpenColorIO 2.1, GetEnvVariable). Pictures go through processors side by side.
+/// Held while the library reads configs or makes processors, of whichever config: it reads variables of the environment into a string of its own that all
+/// threads share (OpenColorIO 2.1, GetEnvVariable). Pictures go through processors side by side.
 std::mutex& library() {
   static std::mutex mutex;
   return mutex;
