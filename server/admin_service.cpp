@@ -8,7 +8,7 @@
 #include "server/server_metrics.h"
 #include "server/term_selection.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 /// How long the first status waits for drivers, and for the layers of the sandbox, to be found; the next one has them.
 static constexpr double kProbeSeconds = 0.25;
@@ -140,4 +140,4 @@ grpc::Status AdminService::Shutdown(grpc::ServerContext* context, const v1::Shut
   });
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

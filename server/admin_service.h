@@ -5,7 +5,7 @@
 #include "gobo/v1/service.grpc.pb.h"
 #include "server/core.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class AdminService final : public v1::Admin::Service {
  public:
@@ -22,4 +22,4 @@ class AdminService final : public v1::Admin::Service {
   ServerCore& core_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

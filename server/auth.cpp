@@ -8,7 +8,7 @@
 #include "server/encode.h"
 #include "server/rpc.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 namespace {
 constexpr size_t kBearer = 7;  // of "Bearer "
@@ -116,4 +116,4 @@ size_t TokenBook::count() const {
   return entries_.size();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -15,7 +15,7 @@
 
 #include "server/config.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 /// What one token has used.
 struct TokenUse {
@@ -74,4 +74,4 @@ class TokenBook {
   bool always_ = false;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

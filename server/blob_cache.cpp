@@ -19,7 +19,7 @@
 #include "server/encode.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 namespace fs = std::filesystem;
@@ -301,4 +301,4 @@ uint64_t BlobCache::bytes() const {
   return total;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

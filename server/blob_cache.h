@@ -21,7 +21,7 @@
 #include "base/status.h"
 #include "scene/blob.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 std::string blobKeyHex(const BlobKey& key);
 BlobKey blobKeyOf(const std::string& hex64);
@@ -87,4 +87,4 @@ class BlobCache {
   mutable uint64_t checks_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

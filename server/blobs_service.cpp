@@ -5,7 +5,7 @@
 
 #include "server/limits.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 namespace {
 constexpr int kMostAsked = 10001;  // what one scene may have: its file and those beside it
@@ -92,4 +92,4 @@ Result<EnvironmentFile> environmentFile(const Rpc& rpc, const v1::RenderRequest&
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <cstring>
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 Status cannot(const std::string& address) {
@@ -62,4 +62,4 @@ Result<BoundSockets> bindTcp(const std::string& text) {
   return bound;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -9,7 +9,7 @@
 #include "base/status.h"
 #include "server/config.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 struct BoundSockets {
   std::vector<Descriptor> sockets;  ///< non-blocking; one for each address of the name, all with one port
@@ -19,4 +19,4 @@ struct BoundSockets {
 /// `text`: the address as configured. Errors: Unavailable "cannot listen on ...".
 Result<BoundSockets> bindTcp(const std::string& text);
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -19,7 +19,7 @@
 #include "server/load_gate.h"
 #include "server/machine_memory.h"
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 namespace fs = std::filesystem;
@@ -442,4 +442,4 @@ Status checkConfig(ServerConfig& c) {
   return {};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

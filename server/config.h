@@ -11,7 +11,7 @@
 #include "base/status.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 /// One [[tokens]] table. Zero and empty mean: no bound of the token's own.
 struct TokenConfig {
@@ -155,4 +155,4 @@ Result<Address> parseAddress(const std::string& text);
 /// 127.0.0.0/8, ::1, localhost.
 bool isLoopback(const std::string& host);
 
-}  // namespace gobo
+}  // namespace gobo::inline server

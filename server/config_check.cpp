@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <set>
 
-namespace gobo {
+namespace gobo::inline server {
 
 namespace fs = std::filesystem;
 
@@ -154,4 +154,4 @@ ServerConfig reloaded(const ServerConfig& running, const ServerConfig& next) {
   return c;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -4,11 +4,11 @@
 
 #include "server/config.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 /// One token by itself: name, digest, classes. Errors: InvalidArgument "tokens.KEY = VALUE: must be ...".
 Status checkToken(const TokenConfig& token);
 /// Addresses, TLS, tokens together. Errors: PermissionDenied for an address that would be open to the network, InvalidArgument.
 Status checkSecurity(const ServerConfig& config);
 
-}  // namespace gobo
+}  // namespace gobo::inline server

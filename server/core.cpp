@@ -4,7 +4,7 @@
 #include "server/log.h"
 #include "server/server_metrics.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 namespace {
 
@@ -122,4 +122,4 @@ size_t ServerCore::running() const {
   return calls_.size();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

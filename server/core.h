@@ -28,9 +28,12 @@
 #include "server/sessions.h"
 #include "server/shared_limit.h"
 
-namespace gobo {
-
+namespace gobo::inline jobs {
 class DurableJobs;  // server/jobs/durable_jobs.h
+}
+
+namespace gobo::inline server {
+
 class FileStore;    // server/file_store.h
 
 class ServerCore {
@@ -109,4 +112,4 @@ class ServerCore {
   std::list<StopSource*> calls_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -7,7 +7,7 @@
 #include "device/egl/egl_device.h"
 #include "device/vulkan/vulkan_device.h"
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 std::string cpuText() {
@@ -61,4 +61,4 @@ std::vector<std::string> DeviceProbe::list(double waitSeconds) {
   return {cpu_, vulkan_.empty() ? "vulkan: being looked for" : vulkan_, egl_.empty() ? "egl: being looked for" : egl_};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

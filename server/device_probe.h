@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-namespace gobo {
+namespace gobo::inline server {
 
 class DeviceProbe {
  public:
@@ -26,4 +26,4 @@ class DeviceProbe {
   std::thread thread_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

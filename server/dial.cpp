@@ -4,7 +4,7 @@
 #include "base/image_io.h"
 #include "server/config.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 namespace {
 
@@ -50,4 +50,4 @@ Result<Dialled> dial(const DialOptions& o) {
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -10,7 +10,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 struct DialOptions {
   std::string address;       ///< "unix:PATH" or "HOST:PORT"
@@ -30,4 +30,4 @@ struct Dialled {
 /// Errors: InvalidArgument that names the option; NotFound, PermissionDenied of its files.
 Result<Dialled> dial(const DialOptions& options);
 
-}  // namespace gobo
+}  // namespace gobo::inline server

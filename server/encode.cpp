@@ -19,7 +19,7 @@
 #include "plan/outputs.h"
 #include "request/request.h"
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 /// Distances of this size are to nothing, or a mean with such (shadow_distance).
@@ -337,4 +337,4 @@ Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
   return encoded;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -9,7 +9,7 @@
 
 #include "gobo/v1/render.pb.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class EncodePace {
  public:
@@ -22,4 +22,4 @@ class EncodePace {
   std::array<double, v1::Encoding::Format_ARRAYSIZE> msPerPixel_{};
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

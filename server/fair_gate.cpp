@@ -4,7 +4,7 @@
 #include <chrono>
 #include <tuple>
 
-namespace gobo {
+namespace gobo::inline server {
 
 static constexpr std::chrono::milliseconds kLeftEvery{10};  // between two looks at whether a waiter has gone
 
@@ -82,4 +82,4 @@ std::optional<FairGate::Place> FairGate::enter(const std::string& client, const 
   return std::nullopt;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -14,7 +14,7 @@
 #include <string>
 #include <utility>
 
-namespace gobo {
+namespace gobo::inline server {
 
 class FairGate {
  public:
@@ -69,4 +69,4 @@ class FairGate {
   uint64_t calls_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

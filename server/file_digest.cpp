@@ -10,7 +10,7 @@
 
 #include "server/encode.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 Result<std::string> fileDigest(int fd, const std::string& name, const DigestLimit& limit, const StopToken& stop) {
   const auto tooLarge = [&](uint64_t bytes) {
@@ -33,4 +33,4 @@ Result<std::string> fileDigest(int fd, const std::string& name, const DigestLimi
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -9,7 +9,7 @@
 #include "base/status.h"
 #include "base/stop.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 struct DigestLimit {
   uint64_t bytes = UINT64_MAX;
@@ -20,4 +20,4 @@ struct DigestLimit {
 /// when the file grows beyond it; Cancelled; Unavailable.
 Result<std::string> fileDigest(int fd, const std::string& name, const DigestLimit& limit, const StopToken& stop);
 
-}  // namespace gobo
+}  // namespace gobo::inline server

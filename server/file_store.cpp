@@ -16,7 +16,7 @@
 #include "scene/file_source.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 namespace fs = std::filesystem;
 
@@ -531,4 +531,4 @@ Result<std::shared_ptr<const FileTree>> FileStore::environment(const std::string
   return made;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -23,7 +23,7 @@
 #include "base/stop.h"
 #include "server/encode.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 struct FileStoreOptions {
   std::string folder;              ///< made if it is not there; empty: a fresh one under tmpFolder with the first file, which goes with the store
@@ -154,4 +154,4 @@ class FileStore : public std::enable_shared_from_this<FileStore> {
   uint64_t turns_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

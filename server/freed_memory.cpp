@@ -8,7 +8,7 @@
 #include <chrono>
 #include <fstream>
 
-namespace gobo {
+namespace gobo::inline server {
 
 namespace {
 constexpr std::chrono::seconds kEvery{1};
@@ -43,4 +43,4 @@ uint64_t FreedMemory::look() {
   return before - std::min(before, stuck_);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -8,7 +8,7 @@
 
 #include "server/repeating.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class FreedMemory {
  public:
@@ -29,4 +29,4 @@ class FreedMemory {
   Repeating looking_;   ///< last: it ends before what it uses
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

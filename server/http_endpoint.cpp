@@ -12,7 +12,7 @@
 #include "server/core.h"
 #include "server/server_metrics.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 using Clock = std::chrono::steady_clock;
 
@@ -114,4 +114,4 @@ Result<std::unique_ptr<HttpEndpoint>> HttpEndpoint::start(ServerCore& core, cons
   return self;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -11,7 +11,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class ServerCore;
 
@@ -32,4 +32,4 @@ class HttpEndpoint {
   std::string address_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

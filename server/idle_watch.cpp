@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/idle_watch.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 using Clock = std::chrono::steady_clock;
 static constexpr std::chrono::milliseconds kLook{100};
@@ -29,4 +29,4 @@ void IdleWatch::look() {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

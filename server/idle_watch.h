@@ -13,7 +13,7 @@
 
 #include "server/repeating.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class IdleWatch {
  public:
@@ -46,4 +46,4 @@ class IdleWatch {
   Repeating looking_;  // from the first wait; last: it ends before what it looks at
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

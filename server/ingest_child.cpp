@@ -22,7 +22,7 @@
 #include "scene/file_source.h"
 #include "server/encode.h"
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -249,4 +249,4 @@ Result<IngestOutcome> runIngest(Readers& readers, const ingest::Job& job, int ou
   return outcome;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -24,7 +24,7 @@
 #include "server/ingest_child.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 constexpr const char* kCannotWrite = "cannot write the blob";  // begins what a child says whose output takes no more
@@ -245,4 +245,4 @@ Result<std::shared_ptr<SceneLoader>> childLoader(const IngestOptions& wanted) {
   return std::shared_ptr<SceneLoader>(std::make_shared<ChildLoader>(options, std::move(cache)));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -8,7 +8,7 @@
 
 #include "base/check.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 double JobRunner::now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -219,4 +219,4 @@ SchedulerStats JobRunner::stats() const {
   return scheduler_.stats();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -17,7 +17,7 @@
 #include "base/stop.h"
 #include "server/scheduler.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 /// Called once per run. An exception that leaves it becomes Internal.
 using Work = std::function<Status(StopToken)>;
@@ -91,4 +91,4 @@ class JobRunner {
   std::vector<std::thread> threads_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

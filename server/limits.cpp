@@ -8,7 +8,7 @@
 #include "scene/load.h"
 #include "server/render_call.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 namespace fs = std::filesystem;
 using Steady = std::chrono::steady_clock;
@@ -105,4 +105,4 @@ Deadline deadlineFor(const Rpc& rpc, const grpc::ServerContext& context, const v
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

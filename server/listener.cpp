@@ -19,7 +19,7 @@
 #include "server/config.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -244,4 +244,4 @@ bool Listener::reachable(size_t index, double seconds) {
   return accepted;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

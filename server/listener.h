@@ -23,7 +23,7 @@
 #include "base/descriptor.h"
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 struct ListenerLimits {
   uint32_t most = 1024, mostOfPeer = 256;
@@ -87,4 +87,4 @@ class Listener {
   ListenerStats stats_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

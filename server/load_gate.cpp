@@ -8,7 +8,7 @@
 #include <string>
 #include <thread>
 
-namespace gobo {
+namespace gobo::inline server {
 
 static constexpr std::chrono::milliseconds kGoneEvery{10};  // between two looks at whether the caller has gone
 
@@ -54,4 +54,4 @@ Status LoadGate::run(const std::string& client, const std::function<Status(const
   return status;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -13,7 +13,7 @@
 #include "base/stop.h"
 #include "server/fair_gate.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class LoadGate {
  public:
@@ -30,4 +30,4 @@ class LoadGate {
   FairGate gate_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -11,7 +11,7 @@
 #include <mutex>
 #include <vector>
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 std::atomic<int> minimum{int(LogLevel::Info)};
@@ -174,4 +174,4 @@ GOBO_LOG_FUNCTION(logInfo, LogLevel::Info)
 GOBO_LOG_FUNCTION(logWarn, LogLevel::Warn)
 GOBO_LOG_FUNCTION(logError, LogLevel::Error)
 
-}  // namespace gobo
+}  // namespace gobo::inline server

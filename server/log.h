@@ -13,7 +13,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 enum class LogLevel : int { Debug = 0, Info, Warn, Error, Off };
 enum class LogFormat : int { Text = 0, Json };
@@ -54,4 +54,4 @@ class LogRequest {
   std::string before_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

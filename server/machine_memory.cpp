@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <fstream>
 
-namespace gobo {
+namespace gobo::inline server {
 
 uint64_t machineMemory(const std::string& root) {
   uint64_t least = uint64_t(::sysconf(_SC_PHYS_PAGES)) * uint64_t(::sysconf(_SC_PAGESIZE));
@@ -23,4 +23,4 @@ uint64_t machineMemory(const std::string& root) {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

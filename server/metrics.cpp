@@ -6,7 +6,7 @@
 
 #include "base/check.h"
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 std::string number(double v) {
@@ -116,4 +116,4 @@ std::string Metrics::text() const {
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

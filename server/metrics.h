@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-namespace gobo {
+namespace gobo::inline server {
 
 using MetricLabels = std::vector<std::pair<std::string, std::string>>;
 
@@ -59,4 +59,4 @@ class Metrics {
   std::vector<std::function<void(MetricsWriter&)>> collectors_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <cstring>
 
-namespace gobo {
+namespace gobo::inline server {
 
 void notifyManager(const std::string& state) {
   const char* path = std::getenv("NOTIFY_SOCKET");
@@ -26,4 +26,4 @@ void notifyManager(const std::string& state) {
   ::close(fd);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

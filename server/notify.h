@@ -4,9 +4,9 @@
 
 #include <string>
 
-namespace gobo {
+namespace gobo::inline server {
 
 /// "READY=1", "RELOADING=1", "STOPPING=1".
 void notifyManager(const std::string& state);
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/queue_news.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 std::optional<v1::Progress> QueueNews::at(const std::optional<Place>& place, double ms) {
   const bool queued = place && place->queued;
@@ -22,4 +22,4 @@ std::optional<v1::Progress> QueueNews::at(const std::optional<Place>& place, dou
   return progress;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

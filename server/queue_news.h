@@ -8,7 +8,7 @@
 #include "gobo/v1/render.pb.h"
 #include "server/scheduler.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class QueueNews {
  public:
@@ -22,4 +22,4 @@ class QueueNews {
   size_t ahead_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -7,7 +7,7 @@
 
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 std::optional<std::string> randomHex(size_t bytes) {
   std::vector<unsigned char> raw(bytes);
@@ -17,4 +17,4 @@ std::optional<std::string> randomHex(size_t bytes) {
   return text;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

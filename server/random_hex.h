@@ -5,9 +5,9 @@
 #include <optional>
 #include <string>
 
-namespace gobo {
+namespace gobo::inline server {
 
 /// Twice as many lower-case hex digits, from the kernel's generator; nothing if it has none.
 std::optional<std::string> randomHex(size_t bytes);
 
-}  // namespace gobo
+}  // namespace gobo::inline server

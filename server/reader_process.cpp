@@ -24,7 +24,7 @@
 #include "ingest/nursery.h"
 #include "ingest/wire.h"
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 /// `output` < 0: /dev/null, which keeps descriptor 4 from being anything else.
@@ -254,4 +254,4 @@ std::shared_ptr<Readers> forkedReaders(const std::string& program, double patien
   return readers;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -8,7 +8,7 @@
 #include "base/status.h"
 #include "base/stop.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 /// One reader while it lives. Its destructor ends it. Of one thread.
 class ReaderProcess {
@@ -43,4 +43,4 @@ std::shared_ptr<Readers> bareReaders(const std::string& program);
 /// Under a sanitizer: spawned ones.
 std::shared_ptr<Readers> forkedReaders(const std::string& program, double patience = 20);
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace gobo {
+namespace gobo::inline server {
 
 double RefusalPause::begin(const std::string& caller, double now, double hint) {
   constexpr size_t kRemembered = 4096;  // names may be made up
@@ -30,4 +30,4 @@ uint32_t RefusalPause::held() const {
   return held_;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -8,7 +8,7 @@
 #include <mutex>
 #include <string>
 
-namespace gobo {
+namespace gobo::inline server {
 
 class RefusalPause {
  public:
@@ -31,4 +31,4 @@ class RefusalPause {
   std::map<std::string, Caller> callers_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

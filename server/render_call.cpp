@@ -7,7 +7,7 @@
 #include "server/jobs/crash_marks.h"
 #include "server/rest_estimate.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 using Clock = std::chrono::steady_clock;
 
@@ -173,4 +173,4 @@ RenderCall::News RenderCall::wait(std::chrono::milliseconds timeout) {
   return news;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

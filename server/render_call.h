@@ -15,7 +15,7 @@
 
 #include "server/core.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 struct RenderCallOptions {
   std::string client;  ///< for fair share
@@ -84,4 +84,4 @@ class RenderCall {
   std::thread thread_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

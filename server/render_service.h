@@ -10,7 +10,7 @@
 #include "server/encode.h"
 #include "server/serve.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class RenderService final : public v1::Render::Service {
  public:
@@ -31,4 +31,4 @@ class RenderService final : public v1::Render::Service {
   ServerCore& core_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

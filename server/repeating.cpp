@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/repeating.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 Repeating::~Repeating() { stop(); }
 
@@ -25,4 +25,4 @@ void Repeating::stop() {
   if (thread_.joinable()) thread_.join();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

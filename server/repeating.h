@@ -8,7 +8,7 @@
 #include <mutex>
 #include <thread>
 
-namespace gobo {
+namespace gobo::inline server {
 
 class Repeating {
  public:
@@ -29,4 +29,4 @@ class Repeating {
   std::thread thread_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

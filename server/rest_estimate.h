@@ -7,7 +7,7 @@
 
 #include "gobo/v1/render.pb.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class RestEstimate {
  public:
@@ -26,4 +26,4 @@ class RestEstimate {
   double at_ = 0, perSample_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

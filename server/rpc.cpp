@@ -8,7 +8,7 @@
 
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 grpc::Status toGrpc(const Status& status) {
   if (status.ok()) return grpc::Status::OK;
@@ -74,4 +74,4 @@ std::optional<std::chrono::steady_clock::time_point> deadlineOf(const grpc::Serv
   return Steady::now() + std::chrono::duration_cast<Steady::duration>(Ms(std::max(ms, 0.0)));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -8,7 +8,7 @@
 #include "base/descriptor.h"
 #include "server/ingest_child.h"
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 constexpr double kWallSeconds = 30;
@@ -59,4 +59,4 @@ ingest::Layers SandboxProbe::layers(double waitSeconds) {
   return known_ ? layers_ : ingest::Layers{{}, {"all: being looked for"}};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -12,7 +12,7 @@
 #include "base/stop.h"
 #include "ingest/wire.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class SandboxProbe {
  public:
@@ -31,4 +31,4 @@ class SandboxProbe {
   std::thread thread_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -10,7 +10,7 @@
 #include "server/limits.h"
 #include "server/upload.h"
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 grpc::Status answer(Rpc& rpc, Result<v1::SceneInfo> result, v1::SceneInfo* reply) {
@@ -163,4 +163,4 @@ grpc::Status ScenesService::Unload(grpc::ServerContext* context, const v1::Unloa
   });
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -5,7 +5,7 @@
 #include "gobo/v1/service.grpc.pb.h"
 #include "server/serve.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class ScenesService final : public v1::Scenes::Service {
  public:
@@ -23,4 +23,4 @@ class ScenesService final : public v1::Scenes::Service {
   ServerCore& core_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -7,7 +7,7 @@
 
 #include "base/check.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 namespace {
 constexpr double kMeanWeight = 0.2;   // of the newest value in a moving mean
@@ -598,4 +598,4 @@ SchedulerStats Scheduler::stats() const {
   return stats;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -44,7 +44,7 @@
 #include "base/status.h"
 #include "base/stop.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 enum class JobClass { Interactive = 0, Normal = 1, Batch = 2 };
 constexpr int kJobClasses = 3;
@@ -209,4 +209,4 @@ class Scheduler {
   double now_ = -kNever;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

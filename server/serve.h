@@ -17,7 +17,7 @@
 #include "server/log.h"
 #include "server/rpc.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class Rpc {
  public:
@@ -84,4 +84,4 @@ grpc::Status serve(ServerCore& core, grpc::ServerContext& context, const char* m
   } catch (const std::exception& e) { return rpc.finish({grpc::StatusCode::INTERNAL, std::string("exception in a handler: ") + e.what()}); }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

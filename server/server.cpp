@@ -28,7 +28,7 @@
 #include "server/render_service.h"
 #include "server/scenes_service.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 struct Server::Services {
   explicit Services(ServerCore& core) : scenes(core), render(core), blobs(core), admin(core), jobs(core), farm(core) {}
@@ -327,4 +327,4 @@ void Server::shutdown(double drainSeconds) {
 Server::Server() = default;
 Server::~Server() { shutdown(0); }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -16,11 +16,11 @@
 #include "server/tls.h"
 #include "server/unix_socket.h"
 
-namespace gobo {
-
-namespace farm {
-class FarmWorker;
+namespace gobo::farm {
+class FarmWorker;  // server/farm/farm_worker.h
 }
+
+namespace gobo::inline server {
 
 EngineOptions engineOptions(const ServerConfig& config);
 /// Of the config that [color] names; not read yet.
@@ -73,4 +73,4 @@ class Server {
   std::vector<std::string> socketFiles_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

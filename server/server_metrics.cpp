@@ -11,7 +11,7 @@
 #include "server/file_store.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -141,4 +141,4 @@ HealthReport healthReport(ServerCore& core) {
   return report;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <string>
 
-namespace gobo {
+namespace gobo::inline server {
 
 class ServerCore;
 
@@ -23,4 +23,4 @@ uint64_t residentBytes();
 /// Descriptors that this process has open.
 uint32_t openFiles();
 
-}  // namespace gobo
+}  // namespace gobo::inline server

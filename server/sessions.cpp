@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/sessions.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 namespace {
 constexpr std::chrono::milliseconds kTurnPoll{10};
@@ -59,4 +59,4 @@ size_t Sessions::size() const {
   return sessions_.size();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -13,7 +13,7 @@
 #include <mutex>
 #include <string>
 
-namespace gobo {
+namespace gobo::inline server {
 
 class Sessions {
  public:
@@ -53,4 +53,4 @@ class Sessions {
   std::map<std::string, Session> sessions_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace gobo {
+namespace gobo::inline server {
 
 std::unique_ptr<SharedLimit::Hold> SharedLimit::take(const std::string& client, uint64_t amount) {
   const std::lock_guard lock(mutex_);
@@ -52,4 +52,4 @@ std::map<std::string, uint64_t> SharedLimit::clients() const {
   return clients_;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

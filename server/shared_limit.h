@@ -9,7 +9,7 @@
 #include <mutex>
 #include <string>
 
-namespace gobo {
+namespace gobo::inline server {
 
 class SharedLimit {
  public:
@@ -46,4 +46,4 @@ class SharedLimit {
   std::map<std::string, uint64_t> clients_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <map>
 
-namespace gobo {
+namespace gobo::inline server {
 
 namespace {
 
@@ -107,4 +107,4 @@ Status listInto(const std::vector<StoredTerm>& rows, const v1::ListTermsRequest&
   return {};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -11,7 +11,7 @@
 #include <openssl/pem.h>
 #include <openssl/x509.h>
 
-namespace gobo {
+namespace gobo::inline server {
 namespace {
 
 template <typename T, void (*Free)(T*)>
@@ -154,4 +154,4 @@ std::shared_ptr<grpc::ServerCredentials> TlsSource::credentials() {
   return std::make_shared<FetchedCredentials>(shared_from_this(), request);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -12,7 +12,7 @@
 
 #include "server/config.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 /// The files of [tls], read and checked.
 struct TlsFiles {
@@ -40,4 +40,4 @@ class TlsSource : public std::enable_shared_from_this<TlsSource> {
   const bool require_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -14,7 +14,7 @@
 #include <thread>
 #include <utility>
 
-namespace gobo {
+namespace gobo::inline server {
 
 Result<SocketLock> SocketLock::take(const std::string& socketPath, std::chrono::milliseconds patience) {
   const std::string path = socketPath + ".lock";
@@ -79,4 +79,4 @@ Status claimSocketPath(const std::string& path) {
   return {Code::Unavailable, "cannot use socket \"" + path + "\": " + std::strerror(error)};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

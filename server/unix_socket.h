@@ -8,7 +8,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class SocketLock {
  public:
@@ -29,4 +29,4 @@ class SocketLock {
 /// Races with other daemons unless the caller holds the path's SocketLock.
 Status claimSocketPath(const std::string& path);
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -13,7 +13,7 @@
 
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 namespace fs = std::filesystem;
 static constexpr const char* kPrefix = "gobo-upload-";
@@ -87,4 +87,4 @@ void removeStaleUploads(const std::string& tmpFolder) {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

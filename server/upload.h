@@ -10,7 +10,7 @@
 #include "gobo/v1/service.pb.h"
 #include "server/encode.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 class UploadFile {
  public:
@@ -41,4 +41,4 @@ inline constexpr char kWorkerFolder[] = "gobo-worker-";  ///< + PID-XXXXXX: of a
 /// Removes what a killed daemon of the same user left under the tmp folder (folders gobo-upload-PID-*, gobo-worker-PID-* whose process is gone).
 void removeStaleUploads(const std::string& tmpFolder);
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <string_view>
 
-namespace gobo {
+namespace gobo::inline base {
 
 namespace {
 
@@ -95,4 +95,4 @@ Result<std::vector<uint8_t>> animatedPng(std::span<const std::string> frames, ui
   return std::vector<uint8_t>(out.begin(), out.end());
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -11,7 +11,7 @@
 #include <type_traits>
 #include <vector>
 
-namespace gobo {
+namespace gobo::inline base {
 
 template <typename T>
 class Array {
@@ -94,4 +94,4 @@ class Array {
   size_t size_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline base

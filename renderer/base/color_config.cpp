@@ -3,11 +3,11 @@
 
 #include "base/shared_object.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 Result<std::shared_ptr<const ColorConfig>> openColorConfig(const std::string& file, const std::string& workingSpace) {
   GOBO_ASSIGN(const void* const symbol, sharedSymbol("libgobo_color.so", "gobo_color", "OpenColorIO"));
   return static_cast<const ColorModule*>(symbol)->open(file, workingSpace);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -11,7 +11,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 /// Scene-linear Rec. 709 (D65) to what one view of one display shows, after a look.
 class ColorProcessor {
@@ -60,4 +60,4 @@ struct ColorModule {
 /// Reads the file `file` (an absolute or relative path). Errors: those of ColorModule::open, Internal if the library cannot be loaded.
 Result<std::shared_ptr<const ColorConfig>> openColorConfig(const std::string& file, const std::string& workingSpace);
 
-}  // namespace gobo
+}  // namespace gobo::inline base

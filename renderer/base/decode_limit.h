@@ -5,7 +5,7 @@
 
 #include <cstdint>
 
-namespace gobo {
+namespace gobo::inline base {
 
 inline constexpr uint64_t kMostDecodedBytes = 1ull << 30, kLeastDecodedBytes = 256ull << 20, kDecodedPerByte = 64;
 
@@ -13,4 +13,4 @@ inline constexpr uint64_t kMostDecodedBytes = 1ull << 30, kLeastDecodedBytes = 2
 void setMostDecodedBytes(uint64_t bytes);
 uint64_t mostDecodedBytes();
 
-}  // namespace gobo
+}  // namespace gobo::inline base

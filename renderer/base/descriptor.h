@@ -6,7 +6,7 @@
 
 #include <utility>
 
-namespace gobo {
+namespace gobo::inline base {
 
 class Descriptor {
  public:
@@ -31,4 +31,4 @@ class Descriptor {
   int fd_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -6,7 +6,7 @@
 
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 /// Area-preserving map of the square to the unit disk (Shirley & Chiu 1997): keeps strata compact.
 inline Vec2 concentricDisk(const Vec2& u) {
@@ -18,4 +18,4 @@ inline Vec2 concentricDisk(const Vec2& u) {
   return Vec2(r * std::cos(phi), r * std::sin(phi));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -9,7 +9,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 inline constexpr int kMaxExrParts = 1024;
 
@@ -24,4 +24,4 @@ uint64_t mostExrBuffer(uint64_t fileBytes);
 /// Lines in a chunk by the compression's number, 0 for numbers that do not exist.
 int exrLinesPerChunk(int compression);
 
-}  // namespace gobo
+}  // namespace gobo::inline base

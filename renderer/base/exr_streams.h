@@ -12,7 +12,7 @@
 
 #include "base/image_io.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 class MemoryReader final : public Imf::IStream {
  public:
@@ -67,4 +67,4 @@ inline Imf::Compression exrCompression(ExrCompression c) {
   return Imf::ZIP_COMPRESSION;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

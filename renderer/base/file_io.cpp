@@ -11,7 +11,7 @@
 
 #include "base/image_io.h"
 
-namespace gobo {
+namespace gobo::inline base {
 namespace {
 
 Code codeOf(int error) {
@@ -106,4 +106,4 @@ Result<std::vector<uint8_t>> readFile(const std::string& path, uint64_t maxBytes
   return readAndClose(fd, path, maxBytes, stop);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

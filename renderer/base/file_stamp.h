@@ -11,7 +11,7 @@
 #include <cstdint>
 #include <string>
 
-namespace gobo {
+namespace gobo::inline base {
 
 struct FileStamp {
   uint64_t device = 0, inode = 0, size = 0;
@@ -40,4 +40,4 @@ struct FileStamp {
   }
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -6,7 +6,7 @@
 
 #include "base/independent.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 namespace {
 
@@ -84,4 +84,4 @@ float haltonValue(uint64_t seed, uint32_t index, uint32_t pair) {
   return toUnit(scrambledRadicalInverse(index, haltonPrime(pair, 0), hash64(seed, pair)));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <span>
 
-namespace gobo {
+namespace gobo::inline base {
 
 inline constexpr float kLargestHalf = 65504.0f;
 
@@ -17,4 +17,4 @@ void toHalves(std::span<const float> values, uint16_t* out, bool infinite = fals
 /// Finite values that toHalves clamps.
 size_t beyondHalves(std::span<const float> values);
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -7,7 +7,7 @@
 
 #include "base/halves.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 namespace {
 
@@ -41,4 +41,4 @@ size_t beyondHalves(std::span<const float> values) {
   return count;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -4,7 +4,7 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
-namespace gobo {
+namespace gobo::inline base {
 
 Hash128 hashBytes(const void* data, size_t bytes) {
   const XXH128_hash_t h = XXH3_128bits(data, bytes);
@@ -66,4 +66,4 @@ Hash128 Hasher::digest() const {
   return copy.state_;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

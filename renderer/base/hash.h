@@ -15,7 +15,7 @@
 
 #include "base/array.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 struct Hash128 {
   uint64_t lo = 0, hi = 0;
@@ -75,7 +75,7 @@ class Hasher {
 
 Hash128 hashBytes(const void* data, size_t bytes);
 
-}  // namespace gobo
+}  // namespace gobo::inline base
 
 template <>
 struct std::hash<gobo::Hash128> {

@@ -8,7 +8,7 @@
 
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 struct Image {
   int width = 0, height = 0, channels = 0;
@@ -26,4 +26,4 @@ struct Image {
   }
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline base

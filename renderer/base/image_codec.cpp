@@ -3,7 +3,7 @@
 
 #include "base/shared_object.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 Result<const ImageCodec*> imageCodec() {
   static const Result<const ImageCodec*> codec = []() -> Result<const ImageCodec*> {
@@ -13,4 +13,4 @@ Result<const ImageCodec*> imageCodec() {
   return codec;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -10,7 +10,7 @@
 #include "base/image.h"
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 struct ReadLimits;
 
@@ -25,4 +25,4 @@ struct ImageCodec {
 /// Loads it at the first call. Internal when it cannot be loaded: why.
 Result<const ImageCodec*> imageCodec();
 
-}  // namespace gobo
+}  // namespace gobo::inline base

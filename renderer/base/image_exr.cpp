@@ -17,7 +17,7 @@
 #include <cstring>
 #include <tuple>
 
-namespace gobo {
+namespace gobo::inline base {
 namespace {
 
 constexpr int kRowsBetweenPolls = 64;  // of a stop token
@@ -202,4 +202,4 @@ std::string exrLayerName(std::string_view output) {
   return name;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

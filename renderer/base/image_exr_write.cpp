@@ -20,7 +20,7 @@
 #include "base/halves.h"
 #include "base/image_io.h"
 
-namespace gobo {
+namespace gobo::inline base {
 namespace {
 
 float inHalfRange(float v) { return std::isfinite(v) ? std::clamp(v, -kLargestHalf, kLargestHalf) : v; }
@@ -148,4 +148,4 @@ Result<std::vector<uint8_t>> encodeExr(const Image& image, const ExrOptions& opt
   return encodeExr(image.width, image.height, std::span(&layer, 1), options);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -8,7 +8,7 @@
 
 #include "base/image_write.h"
 
-namespace gobo {
+namespace gobo::inline base {
 namespace {
 
 struct Errors {
@@ -63,4 +63,4 @@ Result<std::vector<uint8_t>> writeJpeg(const CodedPixels& pixels) {
   return result;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

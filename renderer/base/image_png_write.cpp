@@ -8,7 +8,7 @@
 
 #include "base/image_write.h"
 
-namespace gobo {
+namespace gobo::inline base {
 namespace {
 
 struct Sink {
@@ -64,4 +64,4 @@ Result<std::vector<uint8_t>> writePng(const CodedPixels& pixels) {
   return std::move(sink.bytes);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -8,7 +8,7 @@
 #include "base/status.h"
 #include "base/transfer.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 /// Rows of code values, top first, channels interleaved; width, height > 0.
 struct CodedPixels {
@@ -25,4 +25,4 @@ Result<std::vector<uint8_t>> writePng(const CodedPixels& pixels);
 /// 1 or 3 channels.
 Result<std::vector<uint8_t>> writeJpeg(const CodedPixels& pixels);
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -9,7 +9,7 @@
 #include <cerrno>
 #include <mutex>
 
-namespace gobo {
+namespace gobo::inline base {
 namespace {
 
 static_assert(std::atomic<uintptr_t>::is_always_lock_free && std::atomic<uint32_t>::is_always_lock_free && std::atomic<bool>::is_always_lock_free);
@@ -100,4 +100,4 @@ bool runOnOtherBusError(void (*then)(int)) {
   return true;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

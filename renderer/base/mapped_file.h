@@ -15,7 +15,7 @@
 
 struct stat;
 
-namespace gobo {
+namespace gobo::inline base {
 
 class MappedFile {
  public:
@@ -49,4 +49,4 @@ class MappedFile {
   Hash128 tail_;               // of the last page as it was when it was mapped
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace gobo {
+namespace gobo::inline base {
 
 namespace {
 constexpr int kPasses = 16;
@@ -60,4 +60,4 @@ Status MemoryLedger::makeRoom(uint64_t more, const std::string& what) {
                                        "; at most " + std::to_string(total_) + " together (engine.memory_bytes)"};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -13,7 +13,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 using BytesOfCallers = std::map<std::string, uint64_t>;  ///< "": everybody's
 
@@ -47,4 +47,4 @@ class MemoryLedger {
   std::vector<std::weak_ptr<const MemoryHolder>> holders_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -4,7 +4,7 @@
 #include <bit>
 #include <cstring>
 
-namespace gobo {
+namespace gobo::inline base {
 
 namespace {
 
@@ -32,4 +32,4 @@ uint32_t murmurHash3(std::string_view bytes, uint32_t seed) {
   return h ^ h >> 16;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <string_view>
 
-namespace gobo {
+namespace gobo::inline base {
 
 uint32_t murmurHash3(std::string_view bytes, uint32_t seed = 0);
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -13,7 +13,7 @@
 
 #include "base/image_io.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 namespace {
 
@@ -129,4 +129,4 @@ Status makeOwnFolder(const std::string& name, const std::string& what) {
   return checkOwnFolder(folder, what);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace gobo {
+namespace gobo::inline base {
 
 RightOfWay::Taken::Taken(RightOfWay* way) : way_(way) {
   if (way_) ++way_->taken_;
@@ -39,4 +39,4 @@ void RightOfWay::wait(const StopToken& stop) {
   --waiting_;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -11,7 +11,7 @@
 
 #include "base/stop.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 class RightOfWay {
  public:
@@ -50,4 +50,4 @@ class RightOfWay {
   Clock::time_point settled_ = Clock::now();
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -3,9 +3,9 @@
 
 #include <cstdint>
 
-namespace gobo {
+namespace gobo::inline base {
 
 /// Which numbers a path is made of: base/sobol.h, base/halton.h, base/independent.h.
 enum class SamplerKind : uint8_t { Sobol, Halton, Independent };
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -7,7 +7,7 @@
 #include <string>
 #include <system_error>
 
-namespace gobo {
+namespace gobo::inline base {
 namespace {
 
 void* openObject(const char* name) {
@@ -30,4 +30,4 @@ Result<const void*> sharedSymbol(const char* name, const char* symbol, const cha
   return found;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -5,7 +5,7 @@
 
 #include "base/check.h"
 
-namespace gobo {
+namespace gobo::inline base {
 namespace {
 
 using Directions = std::array<uint32_t, 32>;
@@ -43,4 +43,4 @@ uint32_t sobolBits(uint32_t index, int dimension) {
   return bits;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -7,7 +7,7 @@
 
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 /// Avalanche hash of 64 bits (SplitMix64 finaliser).
 inline uint64_t mix64(uint64_t x) {
@@ -80,4 +80,4 @@ class SobolSampler {
   uint32_t dimension_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline base

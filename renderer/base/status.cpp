@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 const char* codeName(Code code) {
   switch (code) {
@@ -38,4 +38,4 @@ Status Status::at(std::string prefix) const {
   return {code_, message_, std::move(prefix)};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

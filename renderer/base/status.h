@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-namespace gobo {
+namespace gobo::inline base {
 
 /// Numerically equal to grpc::StatusCode, so that the server maps them without a table.
 enum class Code {
@@ -82,7 +82,7 @@ class [[nodiscard]] Result {
   Status status_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline base
 
 #define GOBO_CONCAT_INNER(a, b) a##b
 #define GOBO_CONCAT(a, b) GOBO_CONCAT_INNER(a, b)

@@ -8,7 +8,7 @@
 #include <chrono>
 #include <memory>
 
-namespace gobo {
+namespace gobo::inline base {
 
 enum class StopReason : int { None = 0, Cancelled, Deadline, Preempted, TimeUp };
 
@@ -70,4 +70,4 @@ class StopSource {
   std::shared_ptr<std::atomic<int>> flag_, outer_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline base

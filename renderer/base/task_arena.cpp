@@ -16,7 +16,7 @@
 #include <sanitizer/tsan_interface.h>
 #endif
 
-namespace gobo {
+namespace gobo::inline base {
 
 namespace {
 
@@ -91,4 +91,4 @@ void TaskArena::execute(const std::function<void()>& work) const {
   takenOver(&ended);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

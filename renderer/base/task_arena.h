@@ -10,7 +10,7 @@
 
 #include "base/stop.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 class RightOfWay;  // base/right_of_way.h
 
@@ -37,4 +37,4 @@ class TaskArena {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -20,7 +20,7 @@
 
 #include "base/exr_streams.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 /// The library swallows what goes wrong while a file is closed; here it is kept.
 class TiledExr::FileWriter final : public Imf::OStream {
@@ -150,4 +150,4 @@ Status TiledExr::finish() {
   return {};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

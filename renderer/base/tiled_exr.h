@@ -10,7 +10,7 @@
 
 #include "base/image_io.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 class TiledExr {
  public:
@@ -34,4 +34,4 @@ class TiledExr {
   size_t bytes_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -10,7 +10,7 @@
 #include <cmath>
 #include <cstdint>
 
-namespace gobo {
+namespace gobo::inline base {
 
 enum class Transfer : uint8_t { Linear, Srgb, Rec709 };
 
@@ -39,4 +39,4 @@ inline double decodeTransfer(Transfer transfer, double code) {
   return code;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

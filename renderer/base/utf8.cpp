@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-namespace gobo {
+namespace gobo::inline base {
 namespace {
 
 /// Bytes of the well-formed character at the start of `s`; 0 if there is none.
@@ -46,4 +46,4 @@ std::string cleanUtf8(std::string text) {
 
 Status cleanUtf8(const Status& s) { return s.ok() ? s : Status(s.code(), cleanUtf8(s.message()), cleanUtf8(s.location())); }
 
-}  // namespace gobo
+}  // namespace gobo::inline base

@@ -8,7 +8,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline base {
 
 /// Well-formed as in RFC 3629: no overlong forms, no surrogates, nothing above U+10FFFF.
 bool isUtf8(std::string_view text);
@@ -17,4 +17,4 @@ std::string cleanUtf8(std::string text);
 /// The same for message and location.
 Status cleanUtf8(const Status& status);
 
-}  // namespace gobo
+}  // namespace gobo::inline base

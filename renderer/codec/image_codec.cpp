@@ -10,7 +10,7 @@
 #include "base/check.h"
 #include "base/image_io.h"
 
-namespace gobo {
+namespace gobo::inline base {
 namespace {
 
 Result<Image> decode(const uint8_t* bytes, size_t size, const std::string& format, const std::string& name, const ReadLimits& limits,
@@ -63,6 +63,6 @@ void useOneThread() {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::inline base
 
 extern "C" [[gnu::visibility("default")]] const gobo::ImageCodec gobo_image_codec = {gobo::decode, gobo::useOneThread};

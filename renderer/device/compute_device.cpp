@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cctype>
 
-namespace gobo {
+namespace gobo::inline device {
 
 void setLinearGroups(ComputeDispatch& dispatch, size_t count, uint32_t local) {
   constexpr size_t kMaxGroups = 65535;  // what every Vulkan and OpenGL device can
@@ -25,4 +25,4 @@ std::string keyWord(const std::string& text) {
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline device

@@ -14,7 +14,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline device {
 
 class ComputeDevice;
 
@@ -96,4 +96,4 @@ void setLinearGroups(ComputeDispatch& dispatch, size_t count, uint32_t local);
 /// Letters, digits, dots; anything else becomes one '-': the form in which drivers' names enter numeric classes.
 std::string keyWord(const std::string& text);
 
-}  // namespace gobo
+}  // namespace gobo::inline device

@@ -5,7 +5,7 @@
 #include "formulas/harmonics.glsl.h"
 #include "terms/surface.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -70,4 +70,4 @@ class AmbientLightNode final : public Node {
 
 NodePtr makeAmbientLightNode(const AmbientLightSettings& settings) { return std::make_shared<AmbientLightNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -10,7 +10,7 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct AmbientLightSettings {
   std::array<Vec3, 9> radiance{};  ///< coefficients in the map's axes, for nominal power
@@ -19,4 +19,4 @@ struct AmbientLightSettings {
 };
 NodePtr makeAmbientLightNode(const AmbientLightSettings& settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

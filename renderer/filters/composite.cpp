@@ -5,7 +5,7 @@
 
 #include "terms/dropped_samples.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -311,4 +311,4 @@ NodePtr makePixelMeanNode(std::string plane, int channels, int w, int h, int s, 
 }
 NodePtr makeAlphaNode(int w, int h, int s) { return std::make_shared<AlphaNode>(w, h, s); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

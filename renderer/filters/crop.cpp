@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -48,4 +48,4 @@ class CropNode final : public Node {
 
 NodePtr makeCropNode(const Extent& around, int x, int y, int width, int height) { return std::make_shared<CropNode>(around, x, y, width, height); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

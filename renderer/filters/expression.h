@@ -12,7 +12,7 @@
 #include "base/vec.h"
 #include "terms/term_shape.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 class Expression {
  public:
@@ -60,4 +60,4 @@ class Expression {
   std::vector<Instruction> code_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace gobo {
+namespace gobo::inline filters {
 
 void Expression::hash(Hasher& h) const {
   h.add(uint64_t(code_.size()));
@@ -115,4 +115,4 @@ void Expression::evaluate(const std::vector<TermPtr>& inputs, size_t begin, size
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -8,7 +8,7 @@
 #include "base/check.h"
 #include "gobo/v1/options.pb.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 inline double numberParameter(const google::protobuf::Message& m, const char* name) {
   using Field = google::protobuf::FieldDescriptor;
@@ -40,4 +40,4 @@ inline int choiceParameter(const google::protobuf::Message& m, const char* name)
   return value->number();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -11,7 +11,7 @@
 #include <span>
 #include <vector>
 
-namespace gobo {
+namespace gobo::inline filters {
 
 class RankSums {
  public:
@@ -56,4 +56,4 @@ class RankSums {
   std::vector<std::array<Entry, kKept>> entries_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

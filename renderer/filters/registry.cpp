@@ -5,7 +5,7 @@
 #include "filters/shadow_map/techniques.h"
 #include "filters/soft_shadow/techniques.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 bool notAnEnvironment(LightKind kind) { return kind != LightKind::Environment; }
@@ -53,4 +53,4 @@ const ShadowTechniqueEntry* findShadowTechnique(v1::ShadowTechnique::TechniqueCa
   return nullptr;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -5,7 +5,7 @@
 
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -128,4 +128,4 @@ NodePtr makeVarianceNode(std::vector<VarianceWeight> weights, int inputs, int wi
   return std::make_shared<VarianceNode>(std::move(weights), inputs, width, height, streams);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

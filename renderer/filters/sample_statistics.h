@@ -6,7 +6,7 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// Output: "pixels", plane "count" f32: samples of the pixel, the smallest over the states; 0 without any.
 NodePtr makeSampleCountNode(int width, int height);
@@ -22,4 +22,4 @@ struct VarianceWeight {
 /// Output: "pixels", plane "variance" f32x3; -1 where fewer than two streams have samples (unknown). Cost: one pass over the streams.
 NodePtr makeVarianceNode(std::vector<VarianceWeight> weights, int inputs, int width, int height, int streams);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -13,7 +13,7 @@
 #include "terms/graph.h"
 #include "terms/view_place.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct ShadowInput {
   ScenePtr scene;       ///< effective scene
@@ -51,4 +51,4 @@ Status checkShadowRange(const std::string& field, double value, double low, doub
 const ShadowTechniqueEntry* findShadowTechnique(v1::ShadowTechnique::TechniqueCase key);
 const std::vector<ShadowTechniqueEntry>& shadowTechniques();
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

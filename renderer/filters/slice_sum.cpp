@@ -7,7 +7,7 @@
 #include "filters/rank_sums.h"
 #include "terms/dropped_samples.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -211,4 +211,4 @@ NodePtr makeSlicePartNode(std::string term, std::vector<NamedPlane> planes, size
   return std::make_shared<SlicePartNode>(std::move(term), std::move(planes), first, width, height);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

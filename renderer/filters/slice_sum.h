@@ -7,7 +7,7 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// A plane (f32) of every slice, and what the slices are together.
 struct SlicePlane {
@@ -40,4 +40,4 @@ struct NamedPlane {
 /// Input: a slice sum. Output: `term`, whose planes are slicedPlane(first), slicedPlane(first + 1), ... there: copies by the names that filters know.
 NodePtr makeSlicePartNode(std::string term, std::vector<NamedPlane> planes, size_t first, int width, int height);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

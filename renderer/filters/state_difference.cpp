@@ -5,7 +5,7 @@
 
 #include "terms/dropped_samples.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -78,4 +78,4 @@ NodePtr makeStateDifferenceNode(int width, int height, int slots, int slot, int 
   return std::make_shared<StateDifferenceNode>(width, height, slots, slot, streams);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -6,7 +6,7 @@
 #include "filters/ray_traced/technique.h"
 #include "terms/visibility.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -74,4 +74,4 @@ NodeId planTint(Graph& graph, const ShadowInput& input, NodeId v) {
   return graph.add(std::move(n));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -12,11 +12,11 @@
 
 #include "filters/shadow_technique.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 NodePtr makeTintedVisibilityNode(const Extent& extent);
 
 /// Adds the rays through clear surfaces and the product behind a map's visibility `v`; `v` itself where the scene has none.
 NodeId planTint(Graph& graph, const ShadowInput& input, NodeId v);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "filters/view_depth.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -61,4 +61,4 @@ NodePtr makeViewDepthNode(const Camera& camera, int width, int height, int viewS
   return std::make_shared<ViewDepthNode>(camera, width, height, viewSamples);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -5,7 +5,7 @@
 
 #include "terms/dropped_samples.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -52,4 +52,4 @@ class WithAlphaNode final : public Node {
 
 NodePtr makeWithAlphaNode(int width, int height) { return std::make_shared<WithAlphaNode>(width, height); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

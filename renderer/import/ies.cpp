@@ -9,7 +9,7 @@
 
 #include "base/utf8.h"
 
-namespace gobo {
+namespace gobo::inline imports {
 namespace {
 
 /// Angles of a whole turn, in degrees, and which column of the file each has.
@@ -199,4 +199,4 @@ Result<IesPhotometry> readIes(std::string_view text, const std::string& name) {
   return IesPhotometry{std::move(profile), most * scale};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline imports

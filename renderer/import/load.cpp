@@ -3,7 +3,7 @@
 
 #include <cctype>
 
-namespace gobo {
+namespace gobo::inline imports {
 namespace {
 
 bool endsWith(const std::string& text, std::string_view tail) {
@@ -43,4 +43,4 @@ Result<ScenePtr> loadScene(const std::string& nameOrPath, const LoadOptions& opt
 
 std::shared_ptr<SceneLoader> inProcessLoader(const LoadOptions& options) { return std::make_shared<InProcess>(options); }
 
-}  // namespace gobo
+}  // namespace gobo::inline imports

@@ -9,7 +9,7 @@
 #include "scene/load.h"
 #include "scene/loader.h"
 
-namespace gobo {
+namespace gobo::inline imports {
 
 /// glTF 2.0 (.gltf with files beside it, or .glb). Errors name file, JSON pointer and value. The result is sealed.
 Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options = {});
@@ -20,4 +20,4 @@ Result<ScenePtr> loadScene(const std::string& nameOrPath, const LoadOptions& opt
 /// For EngineOptions.loader.
 std::shared_ptr<SceneLoader> inProcessLoader(const LoadOptions& options = {});
 
-}  // namespace gobo
+}  // namespace gobo::inline imports

@@ -6,7 +6,7 @@
 
 #include "measure/confidence.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 
 CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t pixels) {
   CertificateFigures out;
@@ -49,4 +49,4 @@ CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t 
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

@@ -24,7 +24,7 @@
 #include "base/vec.h"
 #include "measure/parts.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 
 struct PixelEvidence {
   Vec3 picture;       ///< linear radiance
@@ -47,4 +47,4 @@ struct CertificateFigures {
 /// two estimators of different bias (measure/parts.h), widened on either side by their distance.
 CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t pixels);
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

@@ -8,7 +8,7 @@
 #include "base/check.h"
 #include "base/sobol.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 
 namespace {
 
@@ -150,4 +150,4 @@ std::vector<uint32_t> drawPixels(int width, int height, std::span<const float> c
   return pixels;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

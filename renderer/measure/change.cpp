@@ -9,7 +9,7 @@
 
 #include "base/check.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 namespace {
 
 constexpr int kChannels = 3;
@@ -388,4 +388,4 @@ Result<ChangeFigures> findChange(const std::vector<Image>& reference, const std:
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

@@ -7,7 +7,7 @@
 
 #include "base/check.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 namespace {
 
 constexpr double kNormal975 = 1.959963984540054;
@@ -179,4 +179,4 @@ DrawnInterval drawnInterval(const std::vector<DrawnValue>& drawn, double all) {
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

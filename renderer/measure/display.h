@@ -9,7 +9,7 @@
 #include "base/transfer.h"
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 
 inline double displayLinear(float radiance) { return radiance > 0 ? std::min(double(radiance), 1.0) : 0.0; }
 inline double srgbEncode(double linear) { return encodeTransfer(Transfer::Srgb, linear); }
@@ -18,4 +18,4 @@ inline double displayLuma(const Vec3& radiance) {
   return 0.2126 * srgbEncode(displayLinear(radiance.x)) + 0.7152 * srgbEncode(displayLinear(radiance.y)) + 0.0722 * srgbEncode(displayLinear(radiance.z));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

@@ -7,7 +7,7 @@
 #include "measure/display.h"
 #include "measure/perceptual.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 namespace {
 
 using Plane = std::vector<double>;
@@ -168,4 +168,4 @@ std::vector<double> flipMap(const Image& reference, const Image& test, double pp
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

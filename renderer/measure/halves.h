@@ -4,7 +4,7 @@
 
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 
 inline constexpr double kRelMseEpsilon = 1e-2;
 
@@ -42,4 +42,4 @@ inline RelativeError relativeErrorOfHalves(const Vec3& p, const Vec3& a, const V
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

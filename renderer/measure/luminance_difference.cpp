@@ -9,7 +9,7 @@
 
 #include "base/check.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 namespace {
 
 /// Mean and deviation of value(i) over the chosen pixels: in two passes, the second of which mends the first's rounding.
@@ -87,4 +87,4 @@ std::vector<uint8_t> edgeMask(std::span<const double> reference, int width, int 
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

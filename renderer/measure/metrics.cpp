@@ -11,7 +11,7 @@
 #include "measure/halves.h"
 #include "measure/perceptual.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 namespace {
 
 Status sameSize(const Image& a, const Image& b) {
@@ -149,4 +149,4 @@ Image differenceImage(const Image& a, const Image& b, float scale) {
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

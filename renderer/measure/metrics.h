@@ -10,7 +10,7 @@
 #include "base/image.h"
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 
 struct ErrorFigures {
   double rmse = 0;              ///< sqrt of the mean over pixels and channels of (a - b)^2
@@ -49,4 +49,4 @@ Result<HalvesError> errorAgainstHalves(const Image& picture, const Image& halfA,
 /// colour. Linear display-referred RGB in 0..1; a non-finite difference is black. The sizes must agree (CHECKed).
 Image differenceImage(const Image& a, const Image& b, float scale);
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

@@ -8,7 +8,7 @@
 
 #include "measure/halves.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 
 inline constexpr int kParts = 4;  ///< jackknifing a product of two needs three
 using TruthParts = std::array<Vec3, kParts>;
@@ -66,4 +66,4 @@ inline RelativePartsEstimate relativeErrorOfParts(const Vec3& p, const TruthPart
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

@@ -9,7 +9,7 @@
 #include "base/image_io.h"
 #include "measure/font.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 namespace {
 
 constexpr int kScale = 2;  // of the font
@@ -235,4 +235,4 @@ Status writePlot(const Plot& plot, const std::string& path) {
   return writeFileAtomic(path, png.data(), png.size());
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

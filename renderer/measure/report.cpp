@@ -9,7 +9,7 @@
 #include "base/check.h"
 #include "base/image_io.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 namespace {
 
 std::string number(double v, const char* format, const char* notFinite) {
@@ -143,4 +143,4 @@ std::vector<std::string> partsOf(const std::string& text, char by) {
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

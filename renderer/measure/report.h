@@ -10,7 +10,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 
 class Table {
  public:
@@ -48,4 +48,4 @@ std::string argumentOr(int argc, char** argv, const std::string& flag, const std
 /// The parts of "a,b,c" between `by`; empty ones are left out.
 std::vector<std::string> partsOf(const std::string& text, char by);
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

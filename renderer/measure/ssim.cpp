@@ -6,7 +6,7 @@
 #include "measure/display.h"
 #include "measure/perceptual.h"
 
-namespace gobo {
+namespace gobo::inline measure {
 namespace {
 
 constexpr int kTaps = 11;
@@ -65,4 +65,4 @@ double structuralSimilarity(const Image& a, const Image& b) {
   return sum / (double(columns) * rows);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline measure

@@ -6,7 +6,7 @@
 
 #include "base/image.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 struct ChosenExposure {
   double stops = 0.0;
@@ -16,4 +16,4 @@ struct ChosenExposure {
 /// quarters of a stop. Of larger pictures about 65536 pixels are looked at, always the same ones. `linear`: 1 channel or 3 and more.
 std::optional<ChosenExposure> chooseExposure(const Image& linear);
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

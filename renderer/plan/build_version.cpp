@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/engine.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 std::string buildVersion() { return GOBO_BUILD; }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -10,7 +10,7 @@
 #include "plan/planner.h"
 #include "request/material_kinds.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 CertificateDraw drawCertificate(const Image& beauty, const v1::CertificateSettings& settings, const StopToken& stop) {
   const double all = double(beauty.width) * beauty.height;
@@ -76,4 +76,4 @@ Result<v1::Certificate> certifyAgainst(const ReferenceRecipe& recipe, const Imag
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -8,7 +8,7 @@
 #include "request/effective_scene.h"
 #include "trace/accel.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 /// `beauty` is a finished linear picture of the effective scene with its gains; certificate.spp samples a chosen pixel, rounded up
 /// to four equal parts. Errors: Cancelled.
@@ -29,4 +29,4 @@ struct CertificateDraw {
 /// when `stop` ended it is of no use.
 CertificateDraw drawCertificate(const Image& beauty, const v1::CertificateSettings& settings, const StopToken& stop = {});
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

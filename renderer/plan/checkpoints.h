@@ -9,7 +9,7 @@
 #include "base/hash.h"
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 class RenderCheckpoints {
  public:
@@ -22,4 +22,4 @@ class RenderCheckpoints {
   virtual void save(const Hash128& recipe, uint32_t blocks, TermPtr state) = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

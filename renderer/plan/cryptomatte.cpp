@@ -13,7 +13,7 @@
 #include "terms/cryptomatte.h"
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -109,4 +109,4 @@ int cryptomatteSamples(const v1::RenderRequest& request, uint32_t slices) {
 Result<OutputPlane> planCryptomatteObject(OutputContext& o, const std::string& output, const std::string&) { return planCryptomatte(o, output); }
 Result<OutputPlane> planCryptomatteMaterial(OutputContext& o, const std::string& output, const std::string&) { return planCryptomatte(o, output); }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -10,7 +10,7 @@
 #include "gobo/v1/render.pb.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 /// What a matte tells apart.
 enum class MatteOf : uint8_t { Objects, Materials };
@@ -31,4 +31,4 @@ std::string cryptomatteCollisions(const std::vector<std::string>& names);
 /// `request`: of one moment.
 int cryptomatteSamples(const v1::RenderRequest& request, uint32_t slices);
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -18,7 +18,7 @@
 #include "request/request.h"
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -296,4 +296,4 @@ Result<NodeId> planFiltered(Graph& graph, const v1::Denoise& settings, const Noi
   return planFilters(graph, parts[0].by, light, parts[0].orAsSampled, width, height, label);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -6,7 +6,7 @@
 #include "filters/composite.h"
 #include "filters/denoise/band_limit/lens_features.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -93,4 +93,4 @@ Result<NodeId> planDenoisedSlices(Graph& graph, const v1::RenderRequest& request
   return graph.add(std::move(picture));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

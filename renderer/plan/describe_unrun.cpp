@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <map>
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -135,4 +135,4 @@ void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store,
   for (const std::string& m : plan.missing) reply.add_path_classes_missing(m);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -5,7 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 constexpr const char* kSchema = R"(
@@ -275,4 +275,4 @@ bool DiskIndex::totals(int64_t& bytes, int64_t& files) {
   return found;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

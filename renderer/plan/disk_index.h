@@ -15,7 +15,7 @@
 struct sqlite3;
 struct sqlite3_stmt;
 
-namespace gobo {
+namespace gobo::inline plan {
 
 class DiskIndex {
  public:
@@ -79,4 +79,4 @@ class DiskIndex {
   ino_t inode_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

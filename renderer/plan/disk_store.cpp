@@ -18,7 +18,7 @@
 #include "plan/term_files.h"
 #include "terms/term_file.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 constexpr size_t kTouchesPerFlush = 64;  // gets whose last use may be lost by a kill
@@ -419,4 +419,4 @@ DiskStoreStats DiskStore::stats() const {
   return impl_->stats;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -20,7 +20,7 @@
 #include "plan/term_note.h"
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 /// The seams: what a test replaces. Left alone they are the real clock and a disk that does not fail.
 struct DiskStoreOptions {
@@ -80,4 +80,4 @@ class DiskStore {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

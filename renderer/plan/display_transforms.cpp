@@ -7,7 +7,7 @@
 #include "formulas/tone_map.glsl.h"
 #include "plan/straight_alpha.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 namespace {
 
 std::string listed(const std::vector<std::string>& names) {
@@ -162,4 +162,4 @@ Result<Image> shownByView(const Image& linear, double exposure, const ColorProce
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

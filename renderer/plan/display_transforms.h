@@ -16,7 +16,7 @@
 #include "base/status.h"
 #include "gobo/v1/render.pb.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 class DisplayTransforms {
  public:
@@ -61,4 +61,4 @@ void replaceView(v1::RenderRequest& base, const google::protobuf::RepeatedPtrFie
 /// of them is clamped, NaN to 0. Errors: the processor's.
 Result<Image> shownByView(const Image& linear, double exposure, const ColorProcessor& processor, bool onBlack);
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -37,7 +37,7 @@
 #include "trace/accel.h"
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -737,4 +737,4 @@ void Engine::fillStatus(v1::StatusReply& s) const {
 
 MemoryLedger& Engine::memory() { return impl_->memory; }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -21,11 +21,17 @@
 #include "terms/dropped_samples.h"
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline base {
+class ColorProcessor;  // base/color_config.h
+}
 
-class ColorProcessor;     // base/color_config.h
+namespace gobo::inline scene {
+struct Scene;  // scene/scene.h
+}
+
+namespace gobo::inline plan {
+
 class DisplayTransforms;  // plan/display_transforms.h
-struct Scene;             // scene/scene.h
 class RenderCheckpoints;  // plan/checkpoints.h
 class TermStore;          // plan/store.h
 
@@ -176,4 +182,4 @@ Image toneMapped(const Image& linear, const v1::ToneMap& settings);
 /// "0.1.0+<git describe>".
 std::string buildVersion();
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -9,7 +9,7 @@
 #include "terms/dropped_samples.h"
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 /// A term goes to disk when making it, and those of its inputs that are not there, took four times as long as writing it (about 100 MB/s synced:
@@ -333,4 +333,4 @@ Result<TermPtr> Executor::runFold(NodeId id, const FoldNode& fold, RunContext& c
   return result;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

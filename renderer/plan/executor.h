@@ -22,7 +22,7 @@
 #include "plan/work_in_flight.h"
 #include "terms/graph.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 class MappedGuard;  // plan/mapped_guard.h
 
@@ -107,4 +107,4 @@ class Executor {
 /// called "depth" only. Errors: Cancelled.
 Result<std::string> firstNonFinite(const Term& term, const TaskArena& arena, const StopToken& stop = {});
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -8,7 +8,7 @@
 #include "plan/outputs.h"
 #include "techniques/direct_visibility/visibility.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -158,4 +158,4 @@ Result<NodeId> planFilteredLight(PlanContext& c, std::span<const Contribution> s
   return planSum(c, rest, what.output);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -12,7 +12,7 @@
 #include "technique/path_set.h"
 #include "technique/plan_context.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 /// Pictures of three channels, plane "rgb".
 PictureShape pictureShape(int width, int height);
@@ -40,4 +40,4 @@ Result<NodeId> planFilteredLight(PlanContext& context, std::span<const Contribut
 /// Where slices are denoised together there is no such part any more. Errors: InvalidArgument.
 Status checkDenoisedSlices(const PlanContext& context, PathSet shows);
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -6,7 +6,7 @@
 
 #include "plan/executor.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -56,4 +56,4 @@ Result<std::string> firstNonFinite(const Term& term, const TaskArena& arena, con
   return std::string();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

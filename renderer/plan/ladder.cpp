@@ -10,7 +10,7 @@
 #include "request/shutter.h"
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -101,4 +101,4 @@ uint32_t nextRung(uint32_t spp, uint32_t most, const RungTimes& times) {
   return std::max(samplesOf(passes) > aim ? samplesOf(passes - 1) : samplesOf(passes), least);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/lifetimes.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 void Lifetimes::ask(std::span<const NodeId> nodes) {
   const size_t n = size_t(graph_.size());
@@ -15,4 +15,4 @@ void Lifetimes::ask(std::span<const NodeId> nodes) {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

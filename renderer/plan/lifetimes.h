@@ -8,7 +8,7 @@
 
 #include "terms/graph.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 class Lifetimes {
  public:
@@ -51,4 +51,4 @@ class Lifetimes {
   std::vector<bool> resolved_;    // made or found
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

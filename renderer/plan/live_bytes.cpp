@@ -7,7 +7,7 @@
 
 #include "plan/lifetimes.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -116,4 +116,4 @@ uint64_t mostLiveBytes(const Graph& graph, std::span<const NodeId> outputs, std:
   return most;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

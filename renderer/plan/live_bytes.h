@@ -10,9 +10,9 @@
 
 #include "terms/graph.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 /// `outputs` are held to the end; `expanded` are evaluated while planning, each by itself.
 uint64_t mostLiveBytes(const Graph& graph, std::span<const NodeId> outputs, std::span<const NodeId> expanded = {});
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/mapped_guard.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 Status MappedGuard::check() const {
   for (const Watched& w : files_)
@@ -20,4 +20,4 @@ std::vector<std::shared_ptr<const MappedFile>> MappedGuard::broken() const {
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

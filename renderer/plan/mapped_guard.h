@@ -12,7 +12,7 @@
 #include "base/mapped_file.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 class MappedGuard {
  public:
@@ -33,4 +33,4 @@ class MappedGuard {
   std::vector<Watched> files_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

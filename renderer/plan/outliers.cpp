@@ -9,7 +9,7 @@
 #include "plan/denoised.h"
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -153,4 +153,4 @@ Status checkOutliers(const v1::RenderRequest& r) {
           field};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -22,7 +22,7 @@
 #include "terms/path_trace.h"
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -211,4 +211,4 @@ Result<OutputPlane> planShadowBasis(OutputContext& o, const std::string& output,
   return OutputPlane{*mosaic, "image"};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

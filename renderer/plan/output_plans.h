@@ -8,7 +8,7 @@
 #include "plan/planner.h"
 #include "technique/plan_context.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 class OutputContext {
  public:
@@ -42,4 +42,4 @@ Result<OutputPlane> planShadowRays(OutputContext&, const std::string& output, co
 Result<OutputPlane> planShadowWidth(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planShadowBasis(OutputContext&, const std::string& output, const std::string& light);
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -8,7 +8,7 @@
 #include "plan/cryptomatte.h"
 #include "plan/output_plans.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -162,4 +162,4 @@ std::string nameTable(std::span<const std::string> names) {
   return jsonObject(pairs);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

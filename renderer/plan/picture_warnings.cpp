@@ -5,7 +5,7 @@
 
 #include "plan/auto_exposure.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 constexpr double kFarTooBright = 8.0;  // log-average luminance: two stops beyond what an exposure is chosen for
@@ -29,4 +29,4 @@ std::string photometricWarning(const Image& beauty) {
 
 bool isPhotometricWarning(const std::string& warning) { return warning.ends_with(kPhotometric); }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -8,7 +8,7 @@
 #include "base/image.h"
 #include "terms/dropped_samples.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 /// Empty where nothing was dropped.
 std::string droppedWarning(const std::string& output, const DroppedTotal& dropped);
@@ -18,4 +18,4 @@ std::string photometricWarning(const Image& beauty);
 /// Whether `warning` is one of those.
 bool isPhotometricWarning(const std::string& warning);
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

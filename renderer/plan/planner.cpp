@@ -17,7 +17,7 @@
 #include "technique/plan_context.h"
 #include "trace/reach.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -352,4 +352,4 @@ Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderReq
   return plan;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -15,7 +15,7 @@
 #include "technique/technique.h"
 #include "terms/graph.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 struct PlannedOutput {
   std::string name;
@@ -67,4 +67,4 @@ struct PlannerServices {
 /// such a plan `effective` and `groups` are those of the slice in the middle.
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t passes, const PlannerServices& services);
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

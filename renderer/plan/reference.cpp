@@ -8,7 +8,7 @@
 #include "techniques/caustics/caustic_plan.h"
 #include "trace/photon_tracer.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -135,4 +135,4 @@ Result<std::vector<Vec3>> ReferenceTracer::trace(const std::vector<uint32_t>& pi
   return means;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -15,7 +15,7 @@
 #include "trace/accel.h"
 #include "trace/path_tracer.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 /// What a reference consists of. Two traces of one recipe are independent where seed or stream differ.
 struct ReferenceRecipe {
@@ -59,4 +59,4 @@ class ReferenceTracer {
   std::shared_ptr<const PathTracer> hidden_, shown_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <random>
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 std::string randomId() {
@@ -63,4 +63,4 @@ uint64_t RememberedRenders::bytes() const {
   return held_;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

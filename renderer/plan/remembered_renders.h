@@ -14,7 +14,7 @@
 
 #include "gobo/v1/render.pb.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 class RememberedRenders {
  public:
@@ -46,4 +46,4 @@ class RememberedRenders {
   uint64_t held_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

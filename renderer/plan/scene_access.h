@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace gobo {
+namespace gobo::inline plan {
 
 /// Who asks. The default may do everything: callers without a token, in this process.
 struct SceneAccess {
@@ -22,4 +22,4 @@ struct SceneAccess {
   bool changes(const std::string& owner) const { return all || (!owner.empty() && owner == caller); }
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

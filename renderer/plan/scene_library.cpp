@@ -15,7 +15,7 @@
 #include "scene/edit.h"
 #include "scene/load.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -534,4 +534,4 @@ size_t SceneLibrary::count() const {
   return scenes_.size();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -19,7 +19,7 @@
 #include "scene/loader.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 struct SceneLimits {
   uint64_t sceneBytes = UINT64_MAX, environmentBytes = UINT64_MAX;
@@ -118,4 +118,4 @@ class SceneLibrary {
   std::map<std::string, Map> environments_;  ///< by canonical path + settled file stamp, or "sha256:" + digest
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

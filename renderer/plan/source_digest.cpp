@@ -2,7 +2,7 @@
 #include "plan/source_digest.h"
 
 #ifndef GOBO_SOURCE_DIGEST  // else cmake/source_digest.cmake wrote it
-namespace gobo {
+namespace gobo::inline plan {
 std::string_view sourceDigest() { return {}; }
-}  // namespace gobo
+}  // namespace gobo::inline plan
 #endif

@@ -6,7 +6,7 @@
 
 #include "plan/disk_store.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 static int64_t wallMicros() {
   return int64_t(std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count());
@@ -185,4 +185,4 @@ Status TermStore::lastDiskError() const {
 
 uint64_t TermStore::diskBytes() const { return disk_ ? disk_->bytes() : 0; }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -20,7 +20,7 @@
 #include "plan/term_note.h"
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 class DiskStore;  // plan/disk_store.h
 
@@ -97,4 +97,4 @@ class TermStore {
   void setPinned(Entries::iterator at, bool pinned);
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

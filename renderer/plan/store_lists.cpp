@@ -6,7 +6,7 @@
 #include "plan/disk_store.h"
 #include "plan/store.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -121,4 +121,4 @@ uint64_t TermStore::pinnedBytes() const {
 uint64_t TermStore::pinnedDiskBytes() const { return disk_ ? disk_->pinnedBytes() : 0; }
 uint64_t TermStore::maxDiskBytes() const { return disk_ ? disk_->maxBytes() : 0; }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -8,7 +8,7 @@
 
 #include "base/image.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 struct StraightAlpha {
   Image colour;              ///< 3 channels, divided by alpha; black where there is none
@@ -38,4 +38,4 @@ inline Image withAlpha(const Image& colour, const std::vector<float>& alpha, con
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

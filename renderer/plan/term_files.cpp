@@ -18,7 +18,7 @@
 #include "base/hash.h"
 #include "base/own_folder.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 namespace {
 
@@ -223,4 +223,4 @@ uint64_t TermFiles::removeStaleTemps(int64_t nowMicros, double seconds) {
   return removed;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

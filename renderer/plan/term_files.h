@@ -14,7 +14,7 @@
 #include "base/status.h"
 #include "base/stop.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 /// ResourceExhausted for a full disk or quota, Internal else; names the action and the file.
 Status fileError(const std::string& action, const std::string& path, int error);
@@ -62,4 +62,4 @@ class TermFiles {
   int lock_ = -1;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -7,7 +7,7 @@
 
 #include "base/hash.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 struct TermNote {
   std::string label;   ///< of its node in the plan of the request that made it
@@ -25,4 +25,4 @@ struct StoredTerm {
   bool pinned = false;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

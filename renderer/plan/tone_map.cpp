@@ -5,7 +5,7 @@
 
 #include "formulas/tone_map.glsl.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 Image toneMapped(const Image& linear, const v1::ToneMap& settings) {
   using namespace formulas;
@@ -36,4 +36,4 @@ Image toneMapped(const Image& linear, const v1::ToneMap& settings) {
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace gobo {
+namespace gobo::inline plan {
 
 std::vector<bool> nodesOfView(const Graph& graph, const Extent& view) {
   std::vector<bool> out(size_t(graph.size()), false);
@@ -63,4 +63,4 @@ PixelWindow grown(const PixelWindow& w, int halo, int filmWidth, int filmHeight)
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

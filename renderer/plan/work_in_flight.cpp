@@ -3,7 +3,7 @@
 
 #include <chrono>
 
-namespace gobo {
+namespace gobo::inline plan {
 
 Result<WorkInFlight::Turn> WorkInFlight::take(const Hash128& recipe, uint32_t blocks, const StopToken& stop) {
   constexpr auto kLook = std::chrono::milliseconds(5);  // at the stop token
@@ -61,4 +61,4 @@ void WorkInFlight::Turn::finish(TermPtr term) {
   work_->result = std::move(term);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

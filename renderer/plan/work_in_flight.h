@@ -18,7 +18,7 @@
 #include "base/stop.h"
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline plan {
 
 class WorkInFlight {
  public:
@@ -69,4 +69,4 @@ class WorkInFlight::Turn {
   TermPtr result_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline plan

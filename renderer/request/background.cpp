@@ -7,7 +7,7 @@
 #include "request/environment_map.h"
 #include "scene/environment_blur.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 namespace {
 
@@ -56,4 +56,4 @@ Result<Background> makeBackground(const ScenePtr& scene, const std::vector<Vec3>
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline request

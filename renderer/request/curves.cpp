@@ -7,7 +7,7 @@
 #include "request/expressions.h"
 #include "request/request.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 namespace {
 
@@ -94,4 +94,4 @@ Status applyCurves(v1::RenderRequest& request) {
   return {};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline request

@@ -13,7 +13,7 @@
 #include "scene/studio.h"
 #include "trace/emission_profile.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 namespace {
 
@@ -511,4 +511,4 @@ RelightGroups makeGroups(const Scene& scene, int maxGroups, const StopToken& sto
   return g;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline request

@@ -14,7 +14,7 @@
 #include "request/posed_scene.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 struct EffectiveScene {
   ScenePtr scene;
@@ -64,4 +64,4 @@ RelightGroups makeGroups(const Scene& scene, int maxGroups, const StopToken& sto
 /// traced apart on top of what it leaves of them.
 void scaleClusters(EffectiveScene& effective, RelightGroups& groups);
 
-}  // namespace gobo
+}  // namespace gobo::inline request

@@ -6,7 +6,7 @@
 #include "scene/scene.h"
 #include "terms/extract_lights.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 /// Index of the light that is the scene's environment; -1: it has none.
 inline int environmentLight(const Scene& scene) {
@@ -23,4 +23,4 @@ inline ExtractBy extractBy(const v1::EnvironmentSettings& sky) {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline request

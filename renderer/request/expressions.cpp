@@ -8,7 +8,7 @@
 #include "gobo/v1/options.pb.h"
 #include "request/request.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 namespace {
 
@@ -173,4 +173,4 @@ Result<StyleFormulas> styleFormulas(const v1::RenderRequest& request, const std:
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline request

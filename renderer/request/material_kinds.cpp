@@ -7,7 +7,7 @@
 #include "trace/straight.h"
 #include "trace/surface.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 namespace {
 
@@ -95,4 +95,4 @@ std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics) {
   return missing;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline request

@@ -9,7 +9,7 @@
 #include "scene/scene.h"
 #include "trace/reach.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 struct MaterialKinds {
   bool extended = false;     ///< the surface term's planes do not hold every material
@@ -31,4 +31,4 @@ MaterialKinds materialKinds(const Scene& scene);
 /// `caustics`: photons are traced for them too (trace/photon_tracer.h).
 std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics = false);
 
-}  // namespace gobo
+}  // namespace gobo::inline request

@@ -10,7 +10,7 @@
 #include "scene/edit.h"
 #include "scene/mesh_filters/mesh_filters.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 namespace {
 
@@ -182,4 +182,4 @@ Result<ScenePtr> withMeshEdits(const ScenePtr& scene, const v1::RenderRequest& r
   return Status(edited.status().code(), edited.status().message(), "request.meshes");  // of places that the transform takes beyond 1e9 m
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline request

@@ -6,7 +6,7 @@
 #include "base/mapped_file.h"
 #include "request/mesh_edits.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop) {
   auto placed = [](Result<ScenePtr> r, const char* field) -> Result<ScenePtr> {
@@ -55,4 +55,4 @@ uint64_t PosedScenes::bytes() const {
   return held();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline request

@@ -10,7 +10,7 @@
 #include "base/closest.h"
 #include "request/request.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 namespace {
 
@@ -398,4 +398,4 @@ std::vector<std::string> setPaths(const Message& message) {
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline request

@@ -11,7 +11,7 @@
 #include "scene/rig.h"
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 namespace {
 
@@ -99,4 +99,4 @@ Result<v1::RenderRequest> sliceRequest(const v1::RenderRequest& resolved, uint32
   return r;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline request

@@ -5,7 +5,7 @@
 
 #include "request/request.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 namespace {
 
@@ -30,4 +30,4 @@ Status applyStyleSheet(v1::RenderRequest& request, const std::string& json, cons
   return applyMask(request, sheet, paths);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline request

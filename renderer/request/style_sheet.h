@@ -8,10 +8,10 @@
 #include "base/status.h"
 #include "gobo/v1/render.pb.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 /// Puts what the sheet says over what `request` says. `source`: its name in errors. Errors: InvalidArgument: no JSON of a request, or a field that is no
 /// style's.
 Status applyStyleSheet(v1::RenderRequest& request, const std::string& json, const std::string& source);
 
-}  // namespace gobo
+}  // namespace gobo::inline request

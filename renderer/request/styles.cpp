@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "request/styles.h"
 
-namespace gobo {
+namespace gobo::inline request {
 
 namespace {
 
@@ -63,4 +63,4 @@ Status resolveStyles(v1::RenderRequest& request) {
   return {};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline request

@@ -9,7 +9,7 @@
 #include "scene/blob_codec.h"
 #include "scene/texture_seal.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 enum class Kind : uint32_t { Scene = 1, Environment = 2 };
@@ -313,4 +313,4 @@ Result<EnvironmentPtr> readEnvironmentBlob(const std::shared_ptr<const MappedFil
   return EnvironmentPtr(*map);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -24,7 +24,7 @@
 #include "base/stop.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 using BlobKey = std::array<uint8_t, 32>;  ///< SHA-256 of what the blob was made from; zero: not known
 enum class BlobTrust { Foreign, Own };
@@ -61,4 +61,4 @@ Result<EnvironmentPtr> readEnvironmentBlob(std::shared_ptr<const void> owner, st
 Result<ScenePtr> readSceneBlob(const std::shared_ptr<const MappedFile>& file, BlobTrust trust, const BlobKey* key = nullptr);
 Result<EnvironmentPtr> readEnvironmentBlob(const std::shared_ptr<const MappedFile>& file, BlobTrust trust, const BlobKey* key = nullptr);
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -6,7 +6,7 @@
 #include "scene/fields.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 template <Same<Mesh> S, typename V>
 void visitFields(S& s, V&& v) {
@@ -105,4 +105,4 @@ void visitFields(S& s, V&& v) {
   v("warnings", s.warnings);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

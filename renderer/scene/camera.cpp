@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/camera.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 void hashOptics(Hasher& h, const Camera& camera) {
   const CameraOptics &o = camera.optics, none;
@@ -57,4 +57,4 @@ Mat4 worldToNdc(const Camera& camera, int width, int height) {
   return p * worldToCamera(camera);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

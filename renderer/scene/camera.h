@@ -7,7 +7,7 @@
 #include "base/hash.h"
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 /// What a request alone gives a camera (no scene file has it): the intrinsics of a measured camera, clipping, the panorama.
 struct CameraOptics {
@@ -140,4 +140,4 @@ Mat4 worldToCamera(const Camera& camera);
 /// no matrix makes.
 Mat4 worldToNdc(const Camera& camera, int width, int height);
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

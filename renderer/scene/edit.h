@@ -4,7 +4,7 @@
 
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 /// Copies (shallow: meshes and textures are shared), lets `edit` change it, seals. The edit must not touch shared meshes.
 template <typename Edit>
@@ -15,4 +15,4 @@ Result<ScenePtr> editScene(const Scene& base, Edit&& edit) {
   return ScenePtr(copy);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -10,7 +10,7 @@
 #include "scene/environment_cube.h"
 #include "scene/environment_tents.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 constexpr float kBelowOne = 0x1.fffffep-1f;
@@ -90,4 +90,4 @@ EnvironmentPtr constantEnvironment(const Vec3& radiance) {
   return makeEnvironment("constant", std::move(image));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

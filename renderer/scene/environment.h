@@ -14,9 +14,12 @@
 #include "base/stop.h"
 #include "base/vec.h"
 
-namespace gobo {
-
+namespace gobo::inline base {
 class MappedFile;  // base/mapped_file.h
+}
+
+namespace gobo::inline scene {
+
 
 struct Environment {
   std::string name;
@@ -58,4 +61,4 @@ struct SkyParameters {
 /// Null if `stop`, polled every row, fired first.
 EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width = 512, const StopToken& stop = {});
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

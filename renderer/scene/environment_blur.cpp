@@ -9,7 +9,7 @@
 
 #include "scene/environment_tents.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 namespace {
 
@@ -143,4 +143,4 @@ EnvironmentPtr blurredEnvironment(const Environment& map, double sigma, const St
   return turned(blurred, map.rotation);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

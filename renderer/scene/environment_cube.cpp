@@ -7,7 +7,7 @@
 
 #include "base/check.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 enum Face { Right, Left, Top, Bottom, Front, Back };
@@ -158,4 +158,4 @@ Image latLongFromCube(const Image& cube, CubeLayout layout, const StopToken& sto
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -10,7 +10,7 @@
 #include "scene/light.h"
 #include "scene/material.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 template <typename S, typename T>
 concept Same = std::is_same_v<std::remove_cvref_t<S>, T>;
@@ -129,4 +129,4 @@ void visitFields(S& s, V&& v) {
   v("centre", s.centre);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -14,7 +14,7 @@
 
 #include "base/image_io.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 std::string realPath(const std::string& p) {
@@ -78,4 +78,4 @@ Result<std::vector<uint8_t>> DiskFiles::beside(const std::string& name, uint64_t
   return bytes;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -9,7 +9,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 class FileSource {
  public:
@@ -41,4 +41,4 @@ class DiskFiles final : public FileSource {
   std::string path_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

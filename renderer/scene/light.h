@@ -8,7 +8,7 @@
 
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 enum class LightKind : uint8_t {
   Point,        ///< delta position; power = radiant intensity, W/sr
@@ -72,4 +72,4 @@ inline float nominalScalar(const Light& light) {
   return l > 0.0f && std::isfinite(l) ? l : 1.0f;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -15,7 +15,7 @@
 #include "base/status.h"
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 enum class ProfileKind : uint8_t { Picture, Photometry };
 
@@ -48,4 +48,4 @@ Vec3 photometryAt(const LightProfile& profile, double vertical, double horizonta
 enum class LightPattern : uint8_t { Blinds, Window, Leaves };
 LightProfilePtr patternProfile(LightPattern pattern);
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -3,7 +3,7 @@
 
 #include "scene/builtin/build.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 struct Builtin {
@@ -34,4 +34,4 @@ Result<ScenePtr> makeBuiltinScene(const std::string& name, const StopToken& stop
   return notFound("no built-in scene \"" + name + "\"; there are: " + list);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -9,7 +9,7 @@
 #include "scene/file_source.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 /// Where the time of a load went.
 struct LoadTimes {
@@ -30,4 +30,4 @@ struct LoadOptions {
 Result<ScenePtr> makeBuiltinScene(const std::string& name, const StopToken& stop = {});
 const std::vector<std::string>& builtinSceneNames();
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

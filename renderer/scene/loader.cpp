@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/loader.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 class NoLoader final : public SceneLoader {
@@ -17,4 +17,4 @@ class NoLoader final : public SceneLoader {
 
 std::shared_ptr<SceneLoader> noLoader() { return std::make_shared<NoLoader>(); }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

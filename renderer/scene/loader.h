@@ -9,7 +9,7 @@
 #include "base/stop.h"
 #include "scene/load.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 /// Milliseconds and bytes of one load. Zero: not known, or not done.
 struct LoadReport {
@@ -38,4 +38,4 @@ class SceneLoader {
 /// Refuses every file (Unimplemented): built-in scenes are all there is.
 std::shared_ptr<SceneLoader> noLoader();
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -12,7 +12,7 @@
 #include "base/hash.h"
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 inline constexpr int kUvSets = 4;  ///< TEXCOORD_n that a mesh keeps
 
@@ -128,4 +128,4 @@ struct Material {
   bool emits() const { return maxComponent(emission.radiance) > 0.0f; }
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

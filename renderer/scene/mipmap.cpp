@@ -10,7 +10,7 @@
 #include "base/check.h"
 #include "scene/texture_seal.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 /// sRGB encoding of 8 bits by table: 65536 steps put at least 19 of them between any two codes.
@@ -210,4 +210,4 @@ void finishTextures(Scene& scene, uint64_t maxBytes, const StopToken& stop) {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -21,7 +21,7 @@
 #include "scene/fields.h"
 #include "scene/material.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 struct Mesh;
 struct Scene;
@@ -229,4 +229,4 @@ void visitFields(S& s, V&& v) {
   v("uses", s.uses);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -8,7 +8,7 @@
 #include "scene/coordinates.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 template <typename T>
@@ -189,4 +189,4 @@ Status sealRig(Rig& rig, const Scene& scene) {
 
 size_t rigBytes(const Rig& rig) { return sizeof(Rig) + fieldBytes(rig) + rig.nodes.size() * sizeof(RigNode); }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -4,7 +4,7 @@
 #include "scene/rig_sample.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 constexpr size_t kPoll = 4096;  // vertices between two looks at a stop token
@@ -113,4 +113,4 @@ MeshPtr deformMesh(const Rig& rig, size_t index, const RigPose& pose, const Mesh
   return mesh;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -7,7 +7,7 @@
 #include "scene/rig_sample.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 /// A transform that tracers can invert: an axis of no length becomes thin, and where several have none the object becomes a
@@ -137,4 +137,4 @@ Result<ScenePtr> withVariant(const ScenePtr& base, std::string_view name) {
   });
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 void normalise4(double* q) {
@@ -109,4 +109,4 @@ RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& cho
   return pose;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -9,7 +9,7 @@
 #include "scene/coordinates.h"
 #include "scene/texture_seal.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 Status Scene::seal() {
   for (size_t i = 0; i < instances.size(); ++i)
@@ -171,4 +171,4 @@ void SceneView::requireLight(int i) const {
   std::abort();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -21,9 +21,12 @@
 #include "scene/mesh_view.h"
 #include "scene/rig.h"
 
-namespace gobo {
-
+namespace gobo::inline base {
 class MappedFile;  // base/mapped_file.h
+}
+
+namespace gobo::inline scene {
+
 
 struct Instance {
   std::string name;  ///< unique; glTF node name (+ "#k" for further primitives or duplicates)
@@ -174,4 +177,4 @@ class SceneView {
   const std::vector<int>* lights_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

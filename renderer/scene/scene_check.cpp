@@ -11,7 +11,7 @@
 #include "scene/fields.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 bool finite(const Vec2& v) { return std::isfinite(v.x) && std::isfinite(v.y); }
@@ -211,4 +211,4 @@ Status Scene::checkNames() const {
   return unique(materials, "materials", true);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

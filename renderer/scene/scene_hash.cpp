@@ -7,7 +7,7 @@
 #include "scene/fields.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 template <typename V>
@@ -174,4 +174,4 @@ Hash128 Scene::facetHash(Facet set, const std::vector<int>& lightSubset) const {
   return h.digest();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -12,7 +12,7 @@
 #include "scene/environment.h"
 #include "scene/environment_tents.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 constexpr double kScale = 0.1;             // radiance per kcd/m^2
@@ -127,4 +127,4 @@ EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width, const 
   return makeEnvironment("sky", std::move(image), stop);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -7,7 +7,7 @@
 
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 namespace {
 
@@ -72,4 +72,4 @@ EnvironmentPtr studioEnvironment() {
   return map;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -4,7 +4,7 @@
 
 #include "scene/environment.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 struct Scene;
 
@@ -16,4 +16,4 @@ bool hasLamp(const Scene& scene);
 /// Lambert surface that faces +Z has radiance 0.9. The same map each time.
 EnvironmentPtr studioEnvironment();
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -7,7 +7,7 @@
 #include "base/transfer.h"
 #include "scene/material.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 namespace {
 
 struct DecodeTables {
@@ -137,4 +137,4 @@ Vec4 Texture::sampleLevel(Vec2 uv, int level) const {
   return top * (1.0f - ay) + bottom * ay;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

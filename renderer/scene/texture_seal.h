@@ -9,7 +9,7 @@
 
 #include "scene/material.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 /// Bytes of texels, those that textures share counted once.
 class TexelBytes {
@@ -47,4 +47,4 @@ class TextureSealer {
   std::map<Key, Texture> sealed_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-namespace gobo {
+namespace gobo::inline technique {
 
 std::string names(PathSet set) {
   static const char* const kNames[] = {"emission",         "direct front diffuse", "direct front specular", "direct behind diffuse", "direct behind specular",
@@ -63,4 +63,4 @@ Status Cover::complete() const {
   return {};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline technique

@@ -10,7 +10,7 @@
 #include "base/status.h"
 #include "technique/path_set.h"
 
-namespace gobo {
+namespace gobo::inline technique {
 
 class Cover {
  public:
@@ -37,4 +37,4 @@ class Cover {
   PathSet wanted_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline technique

@@ -13,7 +13,7 @@
 
 #include "trace/path_class.h"
 
-namespace gobo {
+namespace gobo::inline technique {
 
 enum class PathSet : uint16_t {
   None = 0,
@@ -51,4 +51,4 @@ constexpr PathSet pathSet(PathClass c) {
 /// "emission, direct front diffuse, ...", for messages.
 std::string names(PathSet set);
 
-}  // namespace gobo
+}  // namespace gobo::inline technique

@@ -7,7 +7,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline technique {
 
 class PlanContext;  // technique/plan_context.h
 
@@ -28,4 +28,4 @@ class Technique {
 /// In the order of summation.
 std::span<const Technique* const> techniques();
 
-}  // namespace gobo
+}  // namespace gobo::inline technique

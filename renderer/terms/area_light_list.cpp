@@ -5,7 +5,7 @@
 
 #include "terms/fit_area_lights.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -63,4 +63,4 @@ class AreaLightListNode final : public Node {
 
 NodePtr makeAreaLightListNode(int lights) { return std::make_shared<AreaLightListNode>(lights); }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -9,8 +9,8 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 NodePtr makeAreaLightListNode(int lights);
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

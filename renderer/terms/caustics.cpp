@@ -7,7 +7,7 @@
 #include "terms/dropped_samples.h"
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -121,4 +121,4 @@ class CausticsNode final : public Node {
 
 NodePtr makeCausticsNode(const CausticSettings& settings, const GBufferSettings& view) { return std::make_shared<CausticsNode>(settings, view); }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -9,9 +9,9 @@
 #include "terms/node.h"
 #include "trace/photon_tracer.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 /// `view`: the part of the settings' picture that is made; of no width: all of it.
 NodePtr makeCausticsNode(const CausticSettings& settings, const GBufferSettings& view = {});
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -15,7 +15,7 @@
 #include "trace/sample_set.h"
 #include "trace/view_samples.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 uint32_t cryptomatteId(std::string_view name) {
   const uint32_t hash = murmurHash3(name), exponent = hash >> 23 & 255u;
@@ -180,4 +180,4 @@ class CryptomatteNode final : public Node {
 
 NodePtr makeCryptomatteNode(CryptomatteSettings settings) { return std::make_shared<CryptomatteNode>(std::move(settings)); }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -17,7 +17,7 @@
 #include "terms/gbuffer.h"
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 inline constexpr int kCryptomatteRanks = 6;
 inline constexpr int kCryptomatteChannels = 2 * kCryptomatteRanks;
@@ -41,4 +41,4 @@ struct CryptomatteSettings {
 /// Source. 40 to 100 ns a ray. Errors of run(): Internal if there are not as many ids as instances.
 NodePtr makeCryptomatteNode(CryptomatteSettings settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -7,7 +7,7 @@
 #include "terms/surface_reader.h"
 #include "terms/unoccluded_light.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -114,4 +114,4 @@ class DirectUnoccludedNode final : public Node {
 
 NodePtr makeDirectUnoccludedNode(const DirectUnoccludedSettings& settings) { return std::make_shared<DirectUnoccludedNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -8,7 +8,7 @@
 
 #include "terms/term_shape.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 inline constexpr const char* kDroppedPlane = "dropped";
 
@@ -62,4 +62,4 @@ inline DroppedTotal droppedTotal(const Term& term) {
   return total;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -11,7 +11,7 @@
 #include "base/task_arena.h"
 #include "scene/environment.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 struct EnvironmentCell {
   double solidAngle = 0;  ///< of what was gathered, sr
@@ -42,4 +42,4 @@ struct EnvironmentCells {
   void addPieces(const Environment& map, const StopToken& stop, const TaskArena* arena);  // coarser maps: cut up
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -8,7 +8,7 @@
 #include "terms/structured_lights.h"
 #include "terms/wavelet_lights.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -165,4 +165,4 @@ TermPtr lightListTerm(std::span<const MapLight> lights) {
 
 NodePtr makeExtractLightsNode(int lights, ExtractBy by, size_t texels) { return std::make_shared<ExtractLightsNode>(lights, by, texels); }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -12,7 +12,7 @@
 #include "terms/node.h"
 #include "terms/texel_cells.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 enum class ExtractBy { MedianCut, Structured, Wavelet };
 
@@ -25,4 +25,4 @@ TermPtr lightListTerm(std::span<const MapLight> lights);
 /// `texels` of the map that it will be run on: for workingBytes() alone.
 NodePtr makeExtractLightsNode(int lights, ExtractBy by = ExtractBy::MedianCut, size_t texels = 0);
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

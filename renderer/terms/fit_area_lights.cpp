@@ -7,7 +7,7 @@
 #include "formulas/harmonics.glsl.h"
 #include "terms/environment_cells.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -269,4 +269,4 @@ AreaLightFit fitAreaLights(const Environment& map, int lights, const StopToken& 
   return fit;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

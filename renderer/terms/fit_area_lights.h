@@ -24,7 +24,7 @@
 #include "base/stop.h"
 #include "scene/environment.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 struct AreaLight {
   DVec3 direction{0, 1, 0};  ///< unit, towards its centre, map axes (rotation 0)
@@ -45,4 +45,4 @@ struct AreaLightFit {
 /// `stop` is polled every few milliseconds; a fit that it ended is not to be used.
 AreaLightFit fitAreaLights(const Environment& map, int lights, const StopToken& stop = {});
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

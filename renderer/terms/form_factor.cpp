@@ -8,7 +8,7 @@
 
 #include "terms/direct_unoccluded.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 double rectFormFactor(const DVec3& p, const DVec3& n, const DVec3& corner, const DVec3& u, const DVec3& v) {
   const std::array<DVec3, 4> quad{corner - p, corner + u - p, corner + u + v - p, corner + v - p};
@@ -51,4 +51,4 @@ double sphereFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, dou
   return distance > radius ? capFormFactor(glm::dot(d, n) / distance, radius / distance) : -1.0;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

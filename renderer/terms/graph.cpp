@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/graph.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 NodeId Graph::add(GraphNode n) {
   const NodeTraits traits = n.node->traits();
@@ -47,4 +47,4 @@ void Graph::rollBack(const Mark& mark) {
   pruned_.resize(mark.pruned);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -10,7 +10,7 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 using NodeId = int;
 
@@ -69,4 +69,4 @@ class Graph {
   std::optional<std::pair<NodeId, Status>> wrong_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

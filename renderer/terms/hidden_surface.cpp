@@ -6,7 +6,7 @@
 #include "terms/hit_place.h"
 #include "trace/back_faces.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -170,4 +170,4 @@ class HiddenSurfaceNode final : public Node {
 
 NodePtr makeHiddenSurfaceNode(const GBufferSettings& view) { return std::make_shared<HiddenSurfaceNode>(view); }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

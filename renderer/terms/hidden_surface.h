@@ -13,10 +13,10 @@
 
 #include "terms/gbuffer.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 inline constexpr int kMostPassed = 64;
 
 NodePtr makeHiddenSurfaceNode(const GBufferSettings& view);
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -7,7 +7,7 @@
 #include "trace/accel.h"
 #include "trace/accel_impl.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 /// From the triangle's vertices: closer to the surface than origin + t direction.
 inline Vec3 hitPosition(const Accel& accel, const Hit& hit) {
@@ -39,4 +39,4 @@ HitNormals hitNormals(const Normals& normals, const InstanceGeometry& g, const V
   return {n, ng};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -3,7 +3,7 @@
 
 #include "trace/accel.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -50,4 +50,4 @@ class IdNode final : public Node {
 
 NodePtr makeIdNode(IdKind kind, int width, int height) { return std::make_shared<IdNode>(kind, width, height); }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

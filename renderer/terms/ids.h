@@ -6,9 +6,9 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 enum class IdKind : uint8_t { Object, Material };
 NodePtr makeIdNode(IdKind kind, int width, int height);
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

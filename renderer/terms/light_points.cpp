@@ -8,7 +8,7 @@
 #include "base/disk.h"
 #include "scene/light_axes.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -158,4 +158,4 @@ Ray shadowRay(const Accel& accel, const Vec3& p, const Vec3& Ng, const LightPoin
   return ray;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

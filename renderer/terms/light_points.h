@@ -11,7 +11,7 @@
 #include "scene/scene.h"
 #include "trace/accel.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 struct LightPoint {
   Vec3 direction{0.0f};       ///< unit, from the receiver
@@ -47,4 +47,4 @@ inline constexpr float kShadowRayEnd = 1.0f - 1.0e-4f;
 /// Ray from a surface towards a light point, ended just before it; the origin leaves the surface on the side of Ng.
 Ray shadowRay(const Accel& accel, const Vec3& p, const Vec3& Ng, const LightPoint& point);
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -8,7 +8,7 @@
 #include "terms/screen_sequence.h"
 #include "terms/surface_samples.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 namespace {
 
 class LightSamplesNode final : public Node {
@@ -169,4 +169,4 @@ float LightBands::mean(int j) const {
 
 NodePtr makeLightSamplesNode(const LightSamplesSettings& settings) { return std::make_shared<LightSamplesNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

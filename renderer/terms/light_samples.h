@@ -9,7 +9,7 @@
 #include "terms/node.h"
 #include "terms/view_place.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 /// The light's own coordinates: -1..1 along both half edges.
 struct LightRectangle {
@@ -50,4 +50,4 @@ struct LightSamplesSettings {
 /// profile's mean where V is 0 or 1.
 NodePtr makeLightSamplesNode(const LightSamplesSettings& settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -3,7 +3,7 @@
 
 #include "trace/accel.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -114,4 +114,4 @@ class MotionNode final : public Node {
 
 NodePtr makeMotionNode(const MotionSettings& settings) { return std::make_shared<MotionNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -8,7 +8,7 @@
 
 #include "terms/gbuffer.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 struct MotionSettings {
   GBufferSettings view;   ///< now
@@ -17,4 +17,4 @@ struct MotionSettings {
 };
 NodePtr makeMotionNode(const MotionSettings& settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

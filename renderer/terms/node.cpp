@@ -3,7 +3,7 @@
 
 #include "trace/accel.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 Result<AccelPtr> RunContext::accel() const {
   AccelPtr made = accels->get(*scene, *arena, stop);
@@ -26,4 +26,4 @@ Result<TermPtr> runNode(const Node& node, RunContext& ctx) {
   return runNode(node, node.afterBlocks(std::move(shape), ctx.targetBlocks), ctx);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

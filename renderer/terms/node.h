@@ -20,10 +20,13 @@
 #include "terms/term.h"
 #include "terms/term_shape.h"
 
-namespace gobo {
-
-class Accel;       // trace/accel.h
+namespace gobo::inline trace {
+class Accel;  // trace/accel.h
 class AccelCache;  // acceleration structures shared by the nodes of an engine
+}
+
+namespace gobo::inline terms {
+
 
 /// What the node claims about itself. Every node of every kind is held to them (tests/render/plan/node_claims_test.cpp).
 struct NodeTraits {
@@ -120,4 +123,4 @@ class FoldNode : public Node {
   Result<TermPtr> run(const RunContext&) const final { return internalError("a fold runs by steps"); }
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -6,7 +6,7 @@
 #include "terms/light_points.h"
 #include "terms/surface_samples.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -74,4 +74,4 @@ class OccluderDistanceNode final : public Node {
 
 NodePtr makeOccluderDistanceNode(const Extent& extent) { return std::make_shared<OccluderDistanceNode>(extent); }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -8,8 +8,8 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 NodePtr makeOccluderDistanceNode(const Extent& extent);
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <cstring>
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -209,4 +209,4 @@ NodePtr makePathTraceNode(const PathTracerSettings& settings, int streams, const
   return std::make_shared<PathTraceNode>(settings, streams, view, share);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -9,7 +9,7 @@
 #include "trace/path_tracer.h"
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 /// Streams of a state whose variance is asked for.
 inline constexpr int kVarianceStreams = 8;
@@ -21,4 +21,4 @@ inline constexpr int kVarianceStreams = 8;
 /// `view`: the part of the settings' picture that is traced; of no width: all of it. `share`: of the sequence, whose other numbers are others'.
 NodePtr makePathTraceNode(const PathTracerSettings& settings, int streams = 1, const GBufferSettings& view = {}, const SequenceShare& share = {});
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -7,7 +7,7 @@
 
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 /// `count` values, whatever was in memory before. Throws std::bad_alloc, which the executor turns into ResourceExhausted.
 template <typename T>
@@ -27,4 +27,4 @@ class Scratch {
   size_t count_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

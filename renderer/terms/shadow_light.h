@@ -11,7 +11,7 @@
 #include "base/hash.h"
 #include "scene/light.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 struct ShadowLightFrame {
   Vec3 centre{0.0f};
@@ -61,4 +61,4 @@ inline void hashShadowLightFrame(Hasher& h, const ShadowLightFrame& f) {
   if (f.distant) h.add("distant");  // the others keep the keys that they had without
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

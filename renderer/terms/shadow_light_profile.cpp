@@ -7,7 +7,7 @@
 
 #include "base/check.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 ProfiledPoints::ProfiledPoints(const SceneView& view, int light, const ShadowLightProfile& profile) : points_(view, light), profile_(profile) {
   GOBO_CHECK(profile.shape == ShadowLightProfile::Uniform || view.lightShape(light).kind == LightKind::Rect);
@@ -29,4 +29,4 @@ bool ProfiledPoints::literal(const Vec3& p, const Vec3& N, const Vec3& Ng, const
   return true;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -6,7 +6,7 @@
 #include "base/hash.h"
 #include "terms/light_points.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 struct ShadowLightProfile {
   enum Shape : uint8_t {
@@ -38,4 +38,4 @@ class ProfiledPoints {
   ShadowLightProfile profile_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -12,7 +12,7 @@
 #include "terms/surface_samples.h"
 #include "trace/straight.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 namespace {
 
 Facet facets(bool clear) {
@@ -278,4 +278,4 @@ class ShadowAdaptiveNode final : public Node {
 NodePtr makeShadowSlopesNode(const ShadowSlopesSettings& settings) { return std::make_shared<ShadowSlopesNode>(settings); }
 NodePtr makeShadowAdaptiveNode(const ShadowAdaptiveSettings& settings) { return std::make_shared<ShadowAdaptiveNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

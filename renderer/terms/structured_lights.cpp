@@ -5,7 +5,7 @@
 #include <cmath>
 #include <queue>
 
-namespace gobo {
+namespace gobo::inline terms {
 namespace {
 
 constexpr double kCompact = 0.9;        // mean resultant length from which a stratum is a lamp: within some 26 degrees of its centroid
@@ -192,4 +192,4 @@ std::vector<MapLight> structuredLights(const Environment& map, int lights, const
   return cells.lights(stop);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

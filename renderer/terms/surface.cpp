@@ -3,7 +3,7 @@
 
 #include "terms/surface_reader.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -71,4 +71,4 @@ class SurfaceNode final : public Node {
 
 NodePtr makeSurfaceNode(const GBufferSettings& settings) { return std::make_shared<SurfaceNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

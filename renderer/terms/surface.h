@@ -7,7 +7,7 @@
 
 #include "terms/gbuffer.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 /// Bits of the plane "flags".
 inline constexpr uint8_t kSurfaceEntering = 1;  ///< the viewer is outside
@@ -16,4 +16,4 @@ inline constexpr uint8_t kSurfaceExtended = 4;  ///< the planes do not hold the 
 
 NodePtr makeSurfaceNode(const GBufferSettings& settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/surface_reader.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -35,4 +35,4 @@ void SurfaceReader::read(size_t i, Surface& out) const {
   table_.interact(instance_[i], primitive_[i], bary_[2 * i], bary_[2 * i + 1], glm::dot(outside, facing) < 0 ? -facing : facing, d, out);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

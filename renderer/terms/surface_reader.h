@@ -8,7 +8,7 @@
 #include "trace/accel.h"
 #include "trace/surface.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 inline constexpr Facet kSurfaceFacets = Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Albedo | Facet::Bsdf;
 
@@ -32,4 +32,4 @@ class SurfaceReader {
   std::span<const float> bary_, P_, Ng_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -9,7 +9,7 @@
 #include <mutex>
 #include <new>
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -143,4 +143,4 @@ Hash128 Term::content() const {
   return content_;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

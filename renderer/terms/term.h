@@ -16,7 +16,7 @@
 #include "base/check.h"
 #include "base/hash.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 enum class Domain : uint8_t { Pixel, ViewSample, LightTexel, SparsePixel, List, Table };
 enum class Format : uint8_t { F32, F64, U32, U8 };
@@ -150,4 +150,4 @@ class Term {
 };
 using TermPtr = std::shared_ptr<const Term>;
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

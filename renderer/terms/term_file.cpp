@@ -6,7 +6,7 @@
 
 #include "base/check.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -158,4 +158,4 @@ std::string otherTermVersion(const uint8_t* bytes) {
   return "term file version " + digit(bytes[7]) + ", this build reads version " + digit(uint8_t(kMagic[7]));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

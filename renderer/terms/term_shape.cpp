@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/term_shape.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -114,4 +114,4 @@ Result<TermShape> Wiring::gives(TermShape shape) const {
   return shape;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -11,7 +11,7 @@
 #include "base/status.h"
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 struct PlaneShape {
   enum class Fill : uint8_t {
@@ -83,4 +83,4 @@ class Wiring {
   Status status_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -8,7 +8,7 @@
 
 #include "base/check.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 TexelCells::TexelCells(const Environment& map, const TaskArena* arena)
     : map_(map),
@@ -82,4 +82,4 @@ std::vector<MapLight> TexelCells::lights(const StopToken& stop) const {
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

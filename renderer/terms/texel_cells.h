@@ -13,7 +13,7 @@
 #include "scene/environment.h"
 #include "scene/environment_tents.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 struct MapLight {
   DVec3 direction{0.0};  ///< unit, towards it
@@ -50,4 +50,4 @@ class TexelCells {
   std::vector<uint32_t> texels_;  // of the lights
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -7,7 +7,7 @@
 #include "trace/area_lights.h"
 #include "trace/distant_light.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 namespace {
 
@@ -217,4 +217,4 @@ Vec3 UnoccludedLight::distant(const LitPoint& r, const Frame& frame, const Vec3&
   return Vec3(sum / light.irradiance());
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -11,7 +11,7 @@
 #include "trace/interior.h"
 #include "trace/light_sampling.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 /// A point of a surface, and who looks at it.
 struct LitPoint {
@@ -64,4 +64,4 @@ class UnoccludedLight {
   uint64_t seed_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -6,7 +6,7 @@
 #include "base/hash.h"
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline terms {
 
 struct ViewPlace {
   int x = 0, y = 0, filmWidth = 0, filmHeight = 0;  ///< 0 x 0: the view is the whole picture
@@ -32,4 +32,4 @@ class FilmElements {
   ViewPlace place_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline terms

@@ -8,7 +8,7 @@
 #include "trace/alpha_filter.h"
 #include "trace/back_faces.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 namespace {
 
@@ -327,4 +327,4 @@ Vec3 offsetOrigin(const Vec3& p, const Vec3& n, float unit) {
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -16,7 +16,7 @@
 #include "scene/camera.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 inline constexpr uint32_t kNoHit = ~0u;
 
@@ -100,4 +100,4 @@ class AccelCache {
 /// (Accel::unit; the paper has 1), which makes the near-zero part follow the scene's scale.
 Vec3 offsetOrigin(const Vec3& p, const Vec3& n, float unit = 1.0f);
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

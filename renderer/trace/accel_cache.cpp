@@ -3,7 +3,7 @@
 
 #include <chrono>
 
-namespace gobo {
+namespace gobo::inline trace {
 
 namespace {
 bool ready(const std::shared_future<AccelPtr>& f) { return f.wait_for(std::chrono::seconds(0)) == std::future_status::ready; }
@@ -109,4 +109,4 @@ uint64_t AccelCache::builds() const {
   return builds_;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

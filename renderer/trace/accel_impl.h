@@ -9,7 +9,7 @@
 #include "trace/accel.h"
 #include "trace/embree.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// What an intersection filter needs to look up coverage. One per alpha geometry; keeps its texture alive, the Accel its mesh.
 struct AlphaGeometry {
@@ -62,4 +62,4 @@ struct Accel::Impl {
   }
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace gobo {
+namespace gobo::inline trace {
 
 class AliasTable {
  public:
@@ -65,4 +65,4 @@ class AliasTable {
   std::vector<Cell> cells_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

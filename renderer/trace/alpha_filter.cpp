@@ -7,7 +7,7 @@
 #include "trace/accel_impl.h"
 #include "trace/texture_lookup.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 float AlphaGeometry::alpha(uint32_t primitive, float u, float v) const {
   const uint32_t* tri = indices + 3 * size_t(primitive);
@@ -50,4 +50,4 @@ void alphaFilter(const RTCFilterFunctionNArguments* args) {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

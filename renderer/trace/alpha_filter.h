@@ -4,7 +4,7 @@
 
 #include "trace/embree.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 /// Rejects hits on uncovered texels. Geometry user data is an AlphaGeometry. Serves intersect and occluded filters, any packet size.
 void alphaFilter(const RTCFilterFunctionNArguments* args);
-}  // namespace gobo
+}  // namespace gobo::inline trace

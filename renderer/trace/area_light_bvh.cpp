@@ -7,7 +7,7 @@
 
 #include "trace/area_lights.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 namespace {
 
 void lightBounds(const LightShape& s, Vec3& lo, Vec3& hi) {
@@ -136,4 +136,4 @@ void AreaLightBvh::collect(const Ray& ray, bool cameraVisibleOnly, std::vector<H
   if (hits.size() > 1) std::sort(hits.begin(), hits.end(), [](const Hit& a, const Hit& b) { return a.light < b.light; });
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -10,7 +10,7 @@
 #include "scene/camera.h"
 #include "scene/light.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 class AreaLightBvh {
  public:
@@ -48,4 +48,4 @@ class AreaLightBvh {
   std::vector<Node> nodes_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <numbers>
 
-namespace gobo {
+namespace gobo::inline trace {
 namespace {
 
 constexpr double kTinySolidAngle = 1e-5;
@@ -193,4 +193,4 @@ bool intersectAreaLight(const LightShape& s, const Ray& ray, float& t, Vec3& Ng)
   return true;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -6,7 +6,7 @@
 #include "scene/camera.h"
 #include "scene/light.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// A direction towards the light with its solid-angle density. `direction` unit, `distance` > 0, metres.
 struct AreaSample {
@@ -34,4 +34,4 @@ float spherePdf(const LightShape& s, const Vec3& p);
 /// transparent, like the lights themselves. Ng: outward normal (Rect, Disk: axis).
 bool intersectAreaLight(const LightShape& s, const Ray& ray, float& t, Vec3& Ng);
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

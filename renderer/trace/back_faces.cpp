@@ -6,7 +6,7 @@
 #include "trace/accel_impl.h"
 #include "trace/interior.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 namespace {
 constexpr uint8_t kSingleSided = 1, kTurned = 2;  // kTurned: Embree's normal of the instance points inside
@@ -50,4 +50,4 @@ void BackFaces::filter(const RTCFilterFunctionNArguments* args) {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -12,7 +12,7 @@
 #include "trace/accel.h"
 #include "trace/embree.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// Facets that BackFaces reads.
 inline constexpr Facet kBackFaceFacets = Facet::Topology | Facet::Coverage | Facet::Bsdf;
@@ -40,4 +40,4 @@ class BackFaces {
 /// A camera sees such a material's front only.
 bool showsFrontOnly(const Coverage& coverage, const Bsdf& bsdf);
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -21,7 +21,7 @@
 
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// GGX alpha below this is a mirror (delta lobe).
 inline constexpr float kDeltaAlpha = 1e-3f;
@@ -88,4 +88,4 @@ struct LobeAlbedos {
 /// `mu` above it, 0 < mu <= 1. Of a diffuse lobe below a specular one it is exact under uniform light. Within the tables' error (bsdf_albedo.h).
 LobeAlbedos bsdfLobeAlbedos(const BsdfParams& p, float mu);
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

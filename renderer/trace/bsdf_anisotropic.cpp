@@ -7,7 +7,7 @@
 #include "trace/bsdf_anisotropic_reflection_data.h"
 #include "trace/table_lookup.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 namespace {
 
 namespace grid = anisotropic;
@@ -90,4 +90,4 @@ float AnisotropicGlassAlbedo::deficit(const Vec3& d, bool inside) const {
   return sum * kStep;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

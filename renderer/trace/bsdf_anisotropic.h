@@ -6,7 +6,7 @@
 
 #include "trace/bsdf_albedo.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// GGX reflection. Directions are local (x along the larger alpha).
 class AnisotropicAlbedo {
@@ -34,4 +34,4 @@ class AnisotropicGlassAlbedo {
   int r_ = 0, s_ = 0, i_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

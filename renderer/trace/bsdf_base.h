@@ -14,7 +14,7 @@
 #include "trace/bsdf_anisotropic.h"
 #include "trace/bsdf_ggx.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 struct BaseLobes {
   Ggx g;
@@ -84,4 +84,4 @@ struct BaseLobes {
   bool usesTable_ = false, usesGlass_ = false;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

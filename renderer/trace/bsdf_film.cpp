@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/bsdf_film.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 namespace {
 
 constexpr int kOrders = 4;
@@ -61,4 +61,4 @@ Vec3 filmReflectance(float c, float filmIor, float thickness, const Vec3& baseF0
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -6,7 +6,7 @@
 
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 inline float pow5(float x) {
   const float x2 = x * x;
@@ -84,4 +84,4 @@ inline bool refract(const Vec3& o, const Vec3& h, float eta, Vec3& i) {
   return true;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/bsdf_layers.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 namespace {
 
 constexpr float kCoatF0 = 0.04f;      // index 1.5
@@ -131,4 +131,4 @@ bool Layers::sample(float uLobe, const Vec2& u, BsdfSample& out) const {
   return true;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -10,7 +10,7 @@
 #include "trace/bsdf_albedo.h"
 #include "trace/bsdf_ggx.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 struct Layers {
   float coat, sheenAlpha, sheenRoughness, sheenMost;
@@ -41,4 +41,4 @@ struct Layers {
   float coatAlbedo(float mu) const;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

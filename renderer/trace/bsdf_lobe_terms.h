@@ -10,7 +10,7 @@
 
 #include "trace/bsdf.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 struct LobeTerms {
   Vec3 diffuse{0.0f}, microfacets{0.0f}, grazing{0.0f}, bounced{0.0f};
@@ -19,4 +19,4 @@ struct LobeTerms {
 /// `mu`: cosine of the viewer above the surface; nothing unless > 0. A mirror has no specular terms.
 LobeTerms bsdfLobeTerms(const BsdfParams& p, float mu);
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

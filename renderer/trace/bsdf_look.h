@@ -11,7 +11,7 @@
 
 #include "trace/bsdf.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 class BsdfLook {
  public:
@@ -49,4 +49,4 @@ class BsdfLook {
   alignas(32) float deficit_[kNodes] = {}, extra_[kNodes] = {};  // bsdf_albedo.h, of this roughness
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

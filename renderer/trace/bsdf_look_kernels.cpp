@@ -5,7 +5,7 @@
 
 #include "trace/bsdf_base_impl.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 namespace {
 
@@ -132,4 +132,4 @@ void BsdfLook::at(const Directions& in, size_t count, Lobes& out) const {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

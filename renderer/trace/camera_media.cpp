@@ -5,7 +5,7 @@
 
 #include "trace/interior.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 std::vector<int> volumesAround(const SceneView& view, const Vec3& p, const StopToken& stop) {
   struct Found {
@@ -53,4 +53,4 @@ Vec3 cameraPoint(const Camera& c) {
   return position + (Vec3(c.toWorld[0]) * c.centre.x + Vec3(c.toWorld[1]) * c.centre.y) * c.yheight;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

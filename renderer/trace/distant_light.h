@@ -6,7 +6,7 @@
 #include "scene/camera.h"
 #include "scene/light.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 class DistantLight {
  public:
@@ -30,4 +30,4 @@ class DistantLight {
   double irradiance_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -12,7 +12,7 @@
 #include "base/stop.h"
 #include "scene/environment_tents.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 class EnvironmentDistribution {
  public:
@@ -34,4 +34,4 @@ class EnvironmentDistribution {
   double total_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -11,7 +11,7 @@
 
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 class FacingTriangles {
  public:
@@ -55,4 +55,4 @@ class FacingTriangles {
   std::vector<Plane> planes_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

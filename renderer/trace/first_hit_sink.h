@@ -19,7 +19,7 @@
 #include "trace/path_sink.h"
 #include "trace/sample_set.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 struct FirstHitSample {
   static constexpr float kNone = -1.0f;
@@ -87,4 +87,4 @@ class FirstHitSink {
   std::vector<FirstHitSample> samples_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -5,7 +5,7 @@
 
 #include "trace/path_sink.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 struct FirstWay {
   Vec3 from{0.0f};         ///< the path's first vertex
@@ -39,4 +39,4 @@ struct FirstWay {
   bool over_ = false;  // went on from there
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

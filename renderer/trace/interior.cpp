@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/interior.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 Interior makeInterior(const Bsdf& b) {
   Interior m;
@@ -44,4 +44,4 @@ Vec3 sampleHenyeyGreenstein(const Vec3& d, float g, const Vec2& u) {
   return w * (1.0f / std::sqrt(glm::dot(w, w)));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -16,7 +16,7 @@
 #include "base/vec.h"
 #include "scene/material.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 struct Interior {
   Vec3 sigma{0.0f};   ///< extinction, 1/m
@@ -84,4 +84,4 @@ struct MediumStack {
   }
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

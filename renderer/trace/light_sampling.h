@@ -8,7 +8,7 @@
 #include "base/stop.h"
 #include "scene/scene.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 struct LightSample {
   Vec3 direction{0.0f};  ///< unit, from the receiver towards the light
@@ -51,4 +51,4 @@ class LightSampler {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -7,7 +7,7 @@
 #include "scene/environment_tents.h"
 #include "trace/emission_profile.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 namespace {
 
@@ -222,4 +222,4 @@ float LightSelector::probabilityMany(const Vec3& p, const Vec3* n, int k) const 
   return tableProbability_[k];
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -8,7 +8,7 @@
 #include "scene/scene.h"
 #include "trace/light_tree.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 enum class LightSelection : uint8_t { Tree, Power, Uniform };
 
@@ -50,4 +50,4 @@ class LightSelector {
   std::vector<float> tableProbability_;  // by k
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

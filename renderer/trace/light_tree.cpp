@@ -5,7 +5,7 @@
 
 #include "base/to_index.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 namespace {
 
@@ -225,4 +225,4 @@ float LightTree::probability(const Vec3& p, const Vec3* n, int light) const {
   return product;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

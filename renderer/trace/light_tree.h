@@ -11,7 +11,7 @@
 #include "base/stop.h"
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// Bounds of one light or a cluster: where it is, which way its normals and its emission go, how much it emits (W, any scale).
 struct LightBounds {
@@ -64,4 +64,4 @@ class LightTree {
   LightBounds buildNode(const std::vector<LightBounds>& bounds, std::vector<int>& order, int begin, int end, int parent, const StopToken& stop);
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -13,7 +13,7 @@
 #include "trace/area_lights.h"
 #include "trace/facing_triangles.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 class MeshLight {
  public:
@@ -47,4 +47,4 @@ class MeshLight {
   double area_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

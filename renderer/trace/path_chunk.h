@@ -10,7 +10,7 @@
 #include "trace/path_sink.h"
 #include "trace/straight.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// Who the lanes are.
 struct ChunkLanes {
@@ -123,4 +123,4 @@ struct PathChunk {
   }
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -5,7 +5,7 @@
 #include "base/check.h"
 #include "trace/path_stages.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// Samples of the pixels of a group (PathTracer::traceGroup) into a sink of sums to `out`.
 template <class Sums>
@@ -34,4 +34,4 @@ void traceGroupInto(const PathTracer::Impl& m, int x, int y, const SampleRun& ru
     if (out[size_t(p)]) dropped[size_t(p)] += uint64_t(__builtin_popcount(bad >> (p * each) & ((1u << each) - 1)));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

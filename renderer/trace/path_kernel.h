@@ -16,7 +16,7 @@
 #include "trace/surface.h"
 #include "trace/view_samples.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// Rays as they were traced, for the bench. Not thread-safe: record on one thread.
 struct RayRecorder {
@@ -113,4 +113,4 @@ struct PathTracer::Impl {
   void throughPanes(uint32_t lanes, RTCRay16& r, const MediumStack* around, Vec3* left, uint64_t& rays) const;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

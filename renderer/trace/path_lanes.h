@@ -6,7 +6,7 @@
 #include "trace/lambert_lanes.h"
 #include "trace/path_kernel.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 // Lanes never move: Embree masks the dead ones, and vector code computes them along.
 struct PathLanes {
@@ -60,4 +60,4 @@ inline void recordRays(uint32_t lanes, const RTCRay16& r, std::vector<Ray>& to) 
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

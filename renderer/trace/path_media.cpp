@@ -6,7 +6,7 @@
 #include "trace/reach.h"
 #include "trace/straight.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 namespace {
 
@@ -87,4 +87,4 @@ void PathTracer::Impl::throughPanes(uint32_t lanes, RTCRay16& r, const MediumSta
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

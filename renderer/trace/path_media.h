@@ -16,7 +16,7 @@
 #include "trace/lambert_lanes.h"
 #include "trace/path_kernel.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 struct PathMedia {
   static constexpr int kLongWalk = 1024, kMostSteps = 1 << 16;  // 0.98^64512: the last is never reached
@@ -136,4 +136,4 @@ struct PathMedia {
   }
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

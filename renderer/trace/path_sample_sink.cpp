@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/path_sample_sink.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 void PathSampleSink::clear() {
   samples_.clear();
@@ -64,4 +64,4 @@ void PathSampleSink::finish(uint32_t dropped) {
   contributions_.resize(kept);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -11,7 +11,7 @@
 #include "trace/path_sink.h"
 #include "trace/sample_set.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 class PathSampleSink {
  public:
@@ -71,4 +71,4 @@ class PathSampleSink {
   std::vector<Contribution> contributions_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -22,7 +22,7 @@
 #include "trace/path_class.h"
 #include "trace/path_tracer.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 enum class VertexKind : uint8_t { Surface, Volume, Escape };
 
@@ -84,4 +84,4 @@ inline void forEachSlot(SplitMode split, const PathContribution& c, To&& to) {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

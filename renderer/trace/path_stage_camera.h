@@ -9,7 +9,7 @@
 #include "trace/camera_draws.h"
 #include "trace/path_chunk.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// Draws of one scattering event: the light's point, the new direction, (which light, which lobe), roulette.
 enum PathDraw : uint32_t { kDrawLight = 0, kDrawDirection = 1, kDrawChoice = 2, kDrawRoulette = 3, kDrawsPerEvent = 4 };
@@ -96,4 +96,4 @@ inline void PathChunk<Sink>::drawNumbers() {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -5,7 +5,7 @@
 #include "trace/area_lights.h"
 #include "trace/path_chunk.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// The ray of lane i found light k, which sends `radiance` (for power 1) along it; `t`, `primitive` as LightSampler::pdf wants them.
 template <PathSink Sink>
@@ -110,4 +110,4 @@ inline void PathChunk<Sink>::meetLights() {
   general |= flat & ~lambert;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -4,7 +4,7 @@
 
 #include "trace/path_chunk.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// Next-event estimation of the lanes in `asking`. Writes shadowed with sr, lit, litSpecular, litSlot.
 template <PathSink Sink>
@@ -129,4 +129,4 @@ inline void PathChunk<Sink>::scatterAtLambert() {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

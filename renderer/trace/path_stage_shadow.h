@@ -4,7 +4,7 @@
 
 #include "trace/path_chunk.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// Reads shadowed, sr, lit, litSpecular, litSlot; light that nothing hides is contributed.
 template <PathSink Sink>
@@ -31,4 +31,4 @@ inline void PathChunk<Sink>::traceShadowRays() {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -10,7 +10,7 @@
 #include "trace/path_stage_surfaces.h"
 #include "trace/path_stage_volumes.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// The samples of these lanes; gives back those that were dropped.
 template <PathSink Sink>
@@ -50,4 +50,4 @@ void PathTracer::traceInto(int x, int y, uint32_t block, Sink& sink, uint64_t& r
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

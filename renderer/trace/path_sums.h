@@ -9,7 +9,7 @@
 #include "trace/path_sink.h"
 #include "trace/sample_set.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// Adds to out[slot * 3 + channel] of the lanes' pixels. A sum per sample, so that a dropped one is left out whole; pictures with several slots keep a
 /// list instead of lanes x slots sums.
@@ -75,4 +75,4 @@ class SumSink {
   std::vector<Record>& records_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

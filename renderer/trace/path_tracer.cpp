@@ -7,7 +7,7 @@
 #include "trace/reach.h"
 #include "trace/view_samples.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 void PathTracerSettings::hash(Hasher& h) const {
   h.addPod(camera.toWorld).add(camera.perspective).add(camera.yfov).add(camera.yheight).add(camera.centre.x).add(camera.centre.y);
@@ -155,4 +155,4 @@ void PathTracer::traceBlock(int x, int y, uint32_t block, double* out, uint64_t&
   traceInto(x, y, block, sums, rays, dropped);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

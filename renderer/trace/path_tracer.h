@@ -28,7 +28,7 @@
 #include "trace/light_selector.h"
 #include "trace/path_class.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 enum class SplitMode : uint8_t {
   Combined,            ///< 1 slot a group
@@ -120,4 +120,4 @@ class PathTracer {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -5,7 +5,7 @@
 
 #include "trace/spot_falloff.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 namespace {
 
@@ -173,4 +173,4 @@ float PhotonEmitter::window(float length) const {
   return float(std::min(std::max(w, 0.0), 1.0));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

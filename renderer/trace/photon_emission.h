@@ -13,7 +13,7 @@
 #include "trace/emission_profile.h"
 #include "trace/surface.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 struct Sphere {
   Vec3 centre{0.0f};
@@ -60,4 +60,4 @@ class PhotonEmitter {
   float away_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -8,7 +8,7 @@
 #include "base/check.h"
 #include "base/sobol.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 namespace {
 uint64_t pack(const int64_t at[3]) { return uint64_t(at[0]) | uint64_t(at[1]) << 21 | uint64_t(at[2]) << 42; }
@@ -59,4 +59,4 @@ const PhotonMap::Cell* PhotonMap::find(const int64_t at[3]) const {
   return nullptr;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

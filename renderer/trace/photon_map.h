@@ -9,7 +9,7 @@
 
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 struct Photon {
   Vec3 p;              ///< where it landed
@@ -65,4 +65,4 @@ class PhotonMap {
   float radius_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

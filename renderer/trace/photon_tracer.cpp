@@ -11,7 +11,7 @@
 #include "trace/reach.h"
 #include "trace/straight.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 namespace {
 
@@ -377,4 +377,4 @@ void CausticTracer::traceSamples(int x, int y, const SampleRun& run, const Photo
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -23,7 +23,7 @@
 #include "trace/path_tracer.h"
 #include "trace/photon_map.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 struct CausticSettings {
   PathTracerSettings path;  ///< camera, size, bounces, block size, seed, groups; lights that are not delta lights are ignored
@@ -54,4 +54,4 @@ class CausticTracer {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace gobo {
+namespace gobo::inline trace {
 
 bool PlainMeshLight::build(const SceneView& view, const LightShape& shape) {
   const Instance& instance = view.instances()[shape.instance];
@@ -61,4 +61,4 @@ bool PlainMeshLight::sampleNear(const Triangle& t, const SphericalTriangle& near
   return out.distance > 0.0f && out.pdf > 0.0f;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -11,7 +11,7 @@
 #include "trace/light_sampling.h"
 #include "trace/spherical_triangle.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 struct PlainMeshLight {
   struct Triangle {
@@ -45,4 +45,4 @@ struct PlainMeshLight {
   }
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -16,7 +16,7 @@
 
 #include "scene/light.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 enum class Receiver : uint8_t { Camera, Surface, Volume };
 enum class Passage : uint8_t {
@@ -47,4 +47,4 @@ constexpr bool outOfReach(const LightShape& light, bool cameraVisible, Receiver 
          !(photons && photonReaches(light, from, through));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

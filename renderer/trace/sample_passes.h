@@ -8,7 +8,7 @@
 #include <bit>
 #include <cstdint>
 
-namespace gobo {
+namespace gobo::inline trace {
 
 inline constexpr uint32_t kBlockSamples = 16;
 inline constexpr uint32_t kFirstPasses = 5;  ///< of the first block
@@ -45,4 +45,4 @@ constexpr uint32_t samplesOfStream(uint32_t samples, uint32_t k, uint32_t stream
   return (blocks > k ? (blocks - k - 1) / streams + 1 : 0) * kBlockSamples + rest;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -4,7 +4,7 @@
 #include "base/halton.h"
 #include "base/independent.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 void SampleSet::drawOther1D(uint32_t dimension, float* out) const {
   for (int i = 0; i < kLanes; ++i) {
@@ -22,4 +22,4 @@ void SampleSet::drawOther2D(uint32_t dimension, float* x, float* y) const {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

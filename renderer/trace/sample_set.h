@@ -10,7 +10,7 @@
 #include "base/sampler_kind.h"
 #include "base/sobol.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 inline constexpr int kLanes = 16;
 
@@ -104,4 +104,4 @@ inline void cosineDirections(const float* __restrict u, const float* __restrict 
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -3,7 +3,7 @@
 
 #include "trace/straight.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 SolidScene::SolidScene(const SceneView& view, AccelPtr accel, bool clear) : accel_(std::move(accel)) {
   if (!clear) return;
@@ -38,4 +38,4 @@ uint32_t SolidScene::occluded16(const Ray* rays, int count) const {
   return blocked;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

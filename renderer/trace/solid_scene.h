@@ -7,7 +7,7 @@
 
 #include "trace/accel.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 class SolidScene {
  public:
@@ -25,4 +25,4 @@ class SolidScene {
   std::vector<char> passable_;  // by instance; empty: none
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

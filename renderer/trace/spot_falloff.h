@@ -3,7 +3,7 @@
 
 #include "scene/light.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// KHR_lights_punctual: squared linear ramp of the cosine between the two cones of a Spot.
 inline float spotFalloff(const LightShape& s, float cosine) {
@@ -11,4 +11,4 @@ inline float spotFalloff(const LightShape& s, float cosine) {
   return a * a;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

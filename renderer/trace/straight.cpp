@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/straight.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 namespace {
 
@@ -126,4 +126,4 @@ void transmittance16(const Accel& accel, const SurfaceTable& surfaces, const Ray
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

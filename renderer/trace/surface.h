@@ -11,7 +11,7 @@
 #include "trace/bsdf.h"
 #include "trace/interior.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// A texture with how it is looked up; null texture: none.
 struct SurfaceTexture {
@@ -150,4 +150,4 @@ class SurfaceTable {
   std::vector<std::shared_ptr<const Texture>> textures_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -4,7 +4,7 @@
 
 #include "scene/material.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 /// KHR_texture_transform: scale, then rotation (counter-clockwise as seen in the picture, v pointing down), then offset.
 inline Vec2 transformUv(const TextureRef& ref, Vec2 uv) {
@@ -16,4 +16,4 @@ inline Vec2 transformUv(const TextureRef& ref, Vec2 uv) {
   return uv + ref.offset;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

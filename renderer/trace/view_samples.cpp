@@ -4,7 +4,7 @@
 #include "base/disk.h"
 #include "base/sobol.h"
 
-namespace gobo {
+namespace gobo::inline trace {
 
 Vec2 viewSamplePosition(int s, int S) {
   if (S <= 1) return Vec2(0.5f);
@@ -19,4 +19,4 @@ Vec2 viewSampleLens(int s, int S, uint64_t pixel) {
   return concentricDisk(Vec2(toUnit(owenScramble(sobolBits(at, 0), uint32_t(h >> 32))), toUnit(owenScramble(sobolBits(at, 1), uint32_t(h)))));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline trace

@@ -23,7 +23,7 @@
 #include "server/door/viewer_files.h"
 #include "server/rpc.h"
 
-namespace gobo {
+namespace gobo::inline door {
 
 namespace {
 
@@ -536,4 +536,4 @@ Result<std::unique_ptr<Door>> Door::start(DoorOptions options) {
   return self;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline door

@@ -31,7 +31,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline door {
 
 struct DoorOptions {
   std::string listen;                                     ///< HOST:PORT; port 0 picks one
@@ -64,4 +64,4 @@ class Door {
   std::string address_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline door

@@ -6,7 +6,7 @@
 #include <exception>
 #include <string_view>
 
-namespace gobo {
+namespace gobo::inline door {
 
 namespace {
 constexpr size_t kFormBuffer = 64 << 10;  // of the reader, which is told pieces of at most that
@@ -104,4 +104,4 @@ Status GltfForm::finish() {
   return {};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline door

@@ -14,7 +14,7 @@
 #include "server/encode.h"
 #include "server/shared_limit.h"
 
-namespace gobo {
+namespace gobo::inline door {
 
 /// One thread. What is wrong is remembered; the rest of the body is then dropped as it comes.
 class GltfForm {
@@ -61,4 +61,4 @@ class GltfForm {
   Status wrong_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline door

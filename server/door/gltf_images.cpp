@@ -6,7 +6,7 @@
 
 #include "base/image_io.h"
 
-namespace gobo {
+namespace gobo::inline door {
 
 void toSensorDepth(std::span<float> depth, double least, double most) {
   for (float& z : depth) {
@@ -58,4 +58,4 @@ Result<std::vector<uint8_t>> labelPng(int width, int height, std::span<const flo
   return encodePng(image, options);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline door

@@ -17,7 +17,7 @@
 #include "server/random_hex.h"
 #include "server/rpc.h"
 
-namespace gobo {
+namespace gobo::inline door {
 
 namespace {
 
@@ -438,4 +438,4 @@ GltfAnswer GltfRenderer::render(const GltfCaller& caller, GltfForm& form, const 
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline door

@@ -20,7 +20,7 @@
 #include "server/door/gltf_form.h"
 #include "server/shared_limit.h"
 
-namespace gobo {
+namespace gobo::inline door {
 
 struct GltfRequest {
   enum class Image { Color, Depth, Label };
@@ -110,4 +110,4 @@ class GltfRenderer {
   std::list<Caller> callers_;  // the last used first
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline door

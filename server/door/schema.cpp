@@ -6,7 +6,7 @@
 #include "gobo/v1/options.pb.h"
 #include "gobo/v1/render.pb.h"
 
-namespace gobo {
+namespace gobo::inline door {
 
 namespace {
 
@@ -81,4 +81,4 @@ std::string schemaJson(const google::protobuf::Descriptor& root) {
   return Json{{"root", root.name()}, {"messages", messages}}.dump();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline door

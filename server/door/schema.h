@@ -8,8 +8,8 @@
 
 #include <google/protobuf/descriptor.h>
 
-namespace gobo {
+namespace gobo::inline door {
 
 std::string schemaJson(const google::protobuf::Descriptor& root);
 
-}  // namespace gobo
+}  // namespace gobo::inline door

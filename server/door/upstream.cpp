@@ -13,7 +13,7 @@
 #include "server/door/door.h"
 #include "server/rpc.h"
 
-namespace gobo {
+namespace gobo::inline door {
 
 namespace {
 constexpr double kQuietSeconds = 5;  // a stream says that it lives at least that often
@@ -198,4 +198,4 @@ grpc::Status PutStream::finish(v1::PutBlobReply& reply) {
   return status_;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline door

@@ -10,7 +10,7 @@
 
 #include "gobo/v1/service.grpc.pb.h"
 
-namespace gobo {
+namespace gobo::inline door {
 
 /// How a wait for the channel's next event ended.
 enum class Upstream { Event, Ended, Quiet };
@@ -108,4 +108,4 @@ long retryMsOf(const grpc::ClientContext& context);
 /// The same for Retry-After: 0 stays 0, anything else is a second at least.
 long wholeSeconds(long ms);
 
-}  // namespace gobo
+}  // namespace gobo::inline door

@@ -5,7 +5,7 @@
 #include <span>
 #include <string_view>
 
-namespace gobo {
+namespace gobo::inline door {
 
 struct ViewerFile {
   std::string_view name, type, bytes;  ///< "index.html", its media type
@@ -13,4 +13,4 @@ struct ViewerFile {
 
 std::span<const ViewerFile> viewerFiles();
 
-}  // namespace gobo
+}  // namespace gobo::inline door

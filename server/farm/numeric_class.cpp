@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/farm/numeric_class.h"
 
-namespace gobo {
+namespace gobo::inline server {
 
 std::string numericClass() {
   __builtin_cpu_init();
@@ -11,4 +11,4 @@ std::string numericClass() {
   return std::string("x86-64-v3 embree-") + (wide ? "avx512" : "avx2");
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -5,9 +5,9 @@
 
 #include <string>
 
-namespace gobo {
+namespace gobo::inline server {
 
 /// "x86-64-v3 embree-avx2".
 std::string numericClass();
 
-}  // namespace gobo
+}  // namespace gobo::inline server

@@ -16,7 +16,7 @@
 #include "base/mapped_faults.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace fs = std::filesystem;
 
@@ -158,4 +158,4 @@ CrashMarks::Other::~Other() {
   if (auto* word = othersWord.load()) word->fetch_sub(1);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -18,7 +18,7 @@
 #include "base/status.h"
 #include "server/jobs/job_store.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 /// What a crashed daemon left.
 struct CrashReport {
@@ -62,4 +62,4 @@ class CrashMarks {
   int fd_ = -1;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -10,7 +10,7 @@
 #include "server/log.h"
 #include "server/server.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 constexpr int kResultsEvery = 60, kSweepEvery = 3600;  // seconds
@@ -105,4 +105,4 @@ void DurableJobs::mindResults() {
   files_.sweepScenes(*needed, loaded);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

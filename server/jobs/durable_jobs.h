@@ -13,7 +13,7 @@
 #include "server/jobs/job_worker.h"
 #include "server/repeating.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class DurableJobs {
  public:
@@ -53,4 +53,4 @@ class DurableJobs {
   Repeating minder_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

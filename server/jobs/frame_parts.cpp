@@ -13,7 +13,7 @@
 #include "request/request.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 
@@ -203,4 +203,4 @@ Result<RenderResult> FrameJoin::finish() {
   return std::move(result_);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

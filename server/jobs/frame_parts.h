@@ -11,7 +11,7 @@
 #include "server/jobs/task_store.h"
 #include "terms/dropped_samples.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 /// Of each frame of this (resolved) job; 0 where tile_px is absent or as large as the picture.
 uint32_t partsOf(const v1::JobSpec& spec);
@@ -47,4 +47,4 @@ class FrameJoin {
   uint64_t pixels_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

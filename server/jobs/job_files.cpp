@@ -20,7 +20,7 @@
 #include "server/jobs/job_store.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace fs = std::filesystem;
 
@@ -289,4 +289,4 @@ void JobFiles::sweepScenes(const std::vector<std::string>& needed, const std::ve
   for (const fs::path& p : gone) fs::remove_all(p, error);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

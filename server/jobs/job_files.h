@@ -21,7 +21,7 @@
 #include "server/jobs/job_store.h"
 #include "server/jobs/litter.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class JobFiles {
  public:
@@ -91,4 +91,4 @@ class JobFiles {
   std::atomic<uint64_t> counter_{0};
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <chrono>
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 void JobHub::changed() {
   {
@@ -94,4 +94,4 @@ void JobHub::overlay(JobRecord& record) const {
   record.job.set_progress(std::min(1.0, record.job.progress() + more / double(std::max<uint64_t>(1, record.job.frames_total()))));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

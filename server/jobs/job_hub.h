@@ -10,7 +10,7 @@
 
 #include "server/jobs/job_store.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class JobHub {
  public:
@@ -52,4 +52,4 @@ class JobHub {
   std::map<TaskId, Live> live_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -10,7 +10,7 @@
 #include "server/jobs/postgres_job_store.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 constexpr int kNewsRetryMs = 2000;
@@ -47,4 +47,4 @@ void JobNews::listen() {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -11,7 +11,7 @@
 #include "base/descriptor.h"
 #include "server/jobs/postgres.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class JobNews {
  public:
@@ -28,4 +28,4 @@ class JobNews {
   std::thread thread_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -15,7 +15,7 @@
 #include "server/log.h"
 #include "server/random_hex.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 
@@ -103,4 +103,4 @@ Status JobOut::deliver(TaskStore& store, const JobFiles& files, const Lease& lea
   return {};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

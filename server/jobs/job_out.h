@@ -12,7 +12,7 @@
 #include "server/jobs/job_files.h"
 #include "server/jobs/task_store.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class JobOut {
  public:
@@ -30,4 +30,4 @@ class JobOut {
   std::string folder_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

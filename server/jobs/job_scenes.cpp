@@ -11,7 +11,7 @@
 #include "scene/scene.h"
 #include "server/file_digest.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace fs = std::filesystem;
 
@@ -135,4 +135,4 @@ Result<ScenePtr> JobScenes::get(const JobRecord& record) {
   return scene;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -9,7 +9,7 @@
 #include "server/jobs/job_files.h"
 #include "server/jobs/task_scenes.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 /// The first 16 digits of what names a scene's files under FOLDER/scenes: of sources "upload:DIGEST.glb" and "blobs:DIGEST/NAME"; empty for others.
 std::string keptSceneDigest(const std::string& source);
@@ -40,4 +40,4 @@ class JobScenes final : public TaskScenes {
   std::shared_ptr<const Scene> cached_;  // the last one that had to be loaded
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

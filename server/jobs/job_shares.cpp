@@ -7,7 +7,7 @@
 #include <set>
 #include <tuple>
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 void JobShares::retain(const std::vector<std::string>& active) {
   const std::set<std::string> names(active.begin(), active.end());
@@ -40,4 +40,4 @@ void JobShares::ended(TaskId task, double now) {
   running_.erase(at);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -11,7 +11,7 @@
 
 #include "server/jobs/job_store.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class JobShares {
  public:
@@ -38,4 +38,4 @@ class JobShares {
   uint64_t served_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -15,7 +15,7 @@
 #include "server/jobs/out_pattern.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 
@@ -181,4 +181,4 @@ std::string resultName(const v1::JobSpec& spec, int64_t frame, const std::string
   return name + "." + extensionOf(format);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -22,7 +22,7 @@
 
 #include "server/jobs/task_store.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 /// What is submitted: checked and resolved by the caller (server/jobs/job_spec.h).
 struct NewJob {
@@ -115,4 +115,4 @@ std::string jobIdText(int64_t id);
 int64_t jobIdOf(const std::string& text);
 bool jobIsOver(v1::Job::State state);
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -4,7 +4,7 @@
 #include "server/jobs/task_run.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 JobWorker::JobWorker(Engine& engine, JobRunner& runner, TaskStore& store, JobFiles& files, TaskScenes& scenes, JobHub& hub, const JobWorkerOptions& options)
     : engine_(engine), runner_(runner), store_(store), files_(files), scenes_(scenes), hub_(hub), options_(options) {
@@ -36,4 +36,4 @@ void JobWorker::loop(int number) {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

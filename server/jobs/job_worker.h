@@ -17,7 +17,7 @@
 #include "server/jobs/job_out.h"
 #include "server/jobs/task_scenes.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 struct JobWorkerOptions {
   std::shared_ptr<DisplayTransforms> displays;  ///< of the engine's config: frames put together from parts are shown by it; may be null
@@ -57,4 +57,4 @@ class JobWorker {
   std::vector<std::thread> threads_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

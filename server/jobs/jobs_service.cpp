@@ -9,7 +9,7 @@
 #include "server/jobs/job_spec.h"
 #include "server/limits.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 
@@ -262,4 +262,4 @@ grpc::Status JobsService::Delete(grpc::ServerContext* context, const v1::DeleteJ
   });
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -10,7 +10,7 @@
 #include "server/jobs/durable_jobs.h"
 #include "server/serve.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class JobsService final : public v1::Jobs::Service {
  public:
@@ -45,4 +45,4 @@ class JobsService final : public v1::Jobs::Service {
   ServerCore& core_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -14,7 +14,7 @@
 #include "server/log.h"
 #include "server/rpc.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 
@@ -190,4 +190,4 @@ grpc::Status JobsService::fetch(Rpc& rpc, const v1::FetchRequest& sent, grpc::Se
   return grpc::Status::OK;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

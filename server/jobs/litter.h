@@ -11,7 +11,7 @@
 
 #include "base/file_stamp.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class Litter {
  public:
@@ -45,4 +45,4 @@ class Litter {
   std::map<std::string, Seen> seen_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

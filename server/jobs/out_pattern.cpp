@@ -9,7 +9,7 @@
 #include "server/jobs/job_spec.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 
@@ -169,4 +169,4 @@ std::string outPath(const v1::JobSpec& spec, const std::string& job, int64_t fra
   return outText(*pieces, file);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -13,7 +13,7 @@
 #include "base/utf8.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 struct PostgresClear {
   void operator()(PGresult* r) const { PQclear(r); }
@@ -266,4 +266,4 @@ class Postgres::Use final : public SqlStatement {
 
 std::unique_ptr<SqlStatement> Postgres::use(const char* sql) { return std::make_unique<Use>(*this, sql); }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

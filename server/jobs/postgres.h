@@ -14,7 +14,7 @@
 struct pg_conn;
 struct pg_result;
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 /// Checks a connection URI ("postgresql:///gobo?host=/run/postgresql") without connecting. Errors: InvalidArgument when it is none, and when it
 /// has a password: that belongs into PGPASSFILE.
@@ -64,4 +64,4 @@ class Postgres final : public SqlConnection {
   Status refused_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -10,7 +10,7 @@
 #include "server/jobs/postgres_schema.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 
@@ -252,4 +252,4 @@ Result<std::string> PostgresJobStore::integrity() {
   return found;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

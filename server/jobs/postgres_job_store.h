@@ -18,7 +18,7 @@
 #include "server/jobs/postgres.h"
 #include "server/jobs/sql_job_store.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class PostgresJobStore final : public SqlJobStore {
  public:
@@ -61,4 +61,4 @@ class PostgresJobStore final : public SqlJobStore {
   std::set<int64_t> passed_;  ///< jobs whose ready frames others are taking while this claim looks
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

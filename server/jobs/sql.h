@@ -9,7 +9,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 /// One use of a statement: bind each value in order, then next() until false. A null column reads as 0 or as empty.
 class SqlStatement {
@@ -69,4 +69,4 @@ class SqlQuery {
   std::unique_ptr<SqlStatement> s_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -5,7 +5,7 @@
 
 #include "server/jobs/sql_job_store.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 using Query = SqlQuery;
 
@@ -105,4 +105,4 @@ Status SqlJobStore::readParts(const JobRecord& record, const std::vector<int64_t
   return q.status();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -5,7 +5,7 @@
 #include "server/jobs/sql_job_store.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 
@@ -80,4 +80,4 @@ Result<std::vector<v1::JobLogEntry>> SqlJobStore::log(int64_t id, const JobLogFi
   return entries;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

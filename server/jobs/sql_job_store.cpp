@@ -8,7 +8,7 @@
 
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 
@@ -413,4 +413,4 @@ Status SqlJobStore::remove(int64_t id) {
   });
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -6,7 +6,7 @@
 #include "server/jobs/sql_job_store.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 using Query = SqlQuery;
 
@@ -525,4 +525,4 @@ Result<JobTotals> SqlJobStore::totals() {
   return t;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -4,7 +4,7 @@
 #include <sqlite3.h>
 #include <sys/stat.h>
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 Status Sqlite::error(int code) const {
   Code kind = Code::Internal;
@@ -131,4 +131,4 @@ class Sqlite::Use final : public SqlStatement {
 
 std::unique_ptr<SqlStatement> Sqlite::use(const char* sql) { return std::make_unique<Use>(*this, sql); }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

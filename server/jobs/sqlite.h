@@ -14,7 +14,7 @@
 struct sqlite3;
 struct sqlite3_stmt;
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class Sqlite final : public SqlConnection {
  public:
@@ -51,4 +51,4 @@ class Sqlite final : public SqlConnection {
   std::map<std::string, sqlite3_stmt*> statements_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -12,7 +12,7 @@
 
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 
@@ -252,4 +252,4 @@ Result<std::string> SqliteJobStore::integrity() {
   return db_.value("PRAGMA integrity_check");
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

@@ -6,7 +6,7 @@
 #include "server/jobs/sql_job_store.h"
 #include "server/jobs/sqlite.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class SqliteJobStore final : public SqlJobStore {
  public:
@@ -45,4 +45,4 @@ class SqliteJobStore final : public SqlJobStore {
   double clockBase_ = 0, clockKept_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

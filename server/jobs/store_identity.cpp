@@ -3,7 +3,7 @@
 
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 
@@ -52,4 +52,4 @@ Result<std::unique_ptr<PostgresJobStore>> openPostgresStore(JobFiles& files, con
                                           [&](const JobStoreOptions& o) { return PostgresJobStore::open(uri, o); });
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

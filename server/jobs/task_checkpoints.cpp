@@ -6,7 +6,7 @@
 #include "server/log.h"
 #include "terms/term_file.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 TaskCheckpoints::TaskCheckpoints(TaskStore& store, JobFiles& files, const Lease& lease, std::vector<CheckpointRow> rows)
     : store_(store), files_(files), lease_(lease) {
@@ -106,4 +106,4 @@ void TaskCheckpoints::drop() {
   states_.clear();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

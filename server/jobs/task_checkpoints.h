@@ -13,7 +13,7 @@
 #include "plan/checkpoints.h"
 #include "server/jobs/job_files.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class TaskCheckpoints final : public RenderCheckpoints {
  public:
@@ -53,4 +53,4 @@ class TaskCheckpoints final : public RenderCheckpoints {
   std::atomic<uint64_t> resumed_{0}, written_{0};
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

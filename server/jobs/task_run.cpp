@@ -8,7 +8,7 @@
 #include "server/jobs/job_spec.h"
 #include "server/log.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 namespace {
 
@@ -313,4 +313,4 @@ void TaskRun::finish(const Status& status) {
   if (!told.ok()) logWarn("job %s: %s", name.c_str(), told.toString().c_str());
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

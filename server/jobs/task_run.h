@@ -6,7 +6,7 @@
 #include "server/jobs/job_worker.h"
 #include "server/jobs/task_checkpoints.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class TaskRun {
  public:
@@ -54,4 +54,4 @@ class TaskRun {
   double ranSeconds_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

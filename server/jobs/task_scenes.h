@@ -6,7 +6,7 @@
 #include "plan/engine.h"
 #include "server/jobs/task_store.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 class TaskScenes {
  public:
@@ -17,4 +17,4 @@ class TaskScenes {
   virtual EnvironmentSource environment(const JobRecord& record) = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

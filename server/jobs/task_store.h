@@ -12,7 +12,7 @@
 #include "base/status.h"
 #include "gobo/v1/jobs.pb.h"
 
-namespace gobo {
+namespace gobo::inline jobs {
 
 /// How holders begin that are on other machines: a daemon that starts alone on its folder does not know that they are dead.
 inline constexpr char kRemoteHolder[] = "farm/";
@@ -85,4 +85,4 @@ class TaskStore {
   virtual Status release(const Lease& lease) = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline jobs

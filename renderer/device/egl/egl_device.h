@@ -13,7 +13,7 @@
 
 #include "device/compute_device.h"
 
-namespace gobo {
+namespace gobo::inline device {
 
 class EglDevice;
 
@@ -61,4 +61,4 @@ class EglDevice final : public ComputeDevice, public std::enable_shared_from_thi
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline device

@@ -12,7 +12,7 @@
 #include "device/egl/egl_device.h"
 #include "device/egl/egl_result.h"
 
-namespace gobo {
+namespace gobo::inline device {
 
 // The functions of OpenGL 4.5 in use; eglGetProcAddress gives them.
 // clang-format off
@@ -72,7 +72,7 @@ struct EglDevice::Impl {
   };
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline device
 
 /// GOBO_GL(gl, DispatchCompute, x, y, z): calls it, and leaves the enclosing function with its error.
 #define GOBO_GL(gl, function, ...)        \

@@ -6,7 +6,7 @@
 
 #include <cstdio>
 
-namespace gobo {
+namespace gobo::inline device {
 namespace {
 
 std::string hexadecimal(const char* what, unsigned value) {
@@ -79,4 +79,4 @@ Status glStatus(unsigned error, const char* call) {
   return {code, std::string(call) + ": " + glErrorName(error)};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline device

@@ -4,7 +4,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline device {
 
 /// "EGL_BAD_MATCH"; "EGL error 0x1234" for one that this file does not know.
 std::string eglErrorName(int error);
@@ -16,4 +16,4 @@ std::string glErrorName(unsigned error);
 /// Ok for GL_NO_ERROR.
 Status glStatus(unsigned error, const char* call);
 
-}  // namespace gobo
+}  // namespace gobo::inline device

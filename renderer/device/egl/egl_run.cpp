@@ -5,7 +5,7 @@
 #include "base/check.h"
 #include "device/egl/egl_impl.h"
 
-namespace gobo {
+namespace gobo::inline device {
 
 EglBuffer::EglBuffer(std::shared_ptr<const EglDevice> device, unsigned buffer, size_t bytes)
     : ComputeBuffer(device.get(), bytes), device_(std::move(device)), buffer_(buffer) {}
@@ -146,4 +146,4 @@ Status EglDevice::run(std::span<const ComputeDispatch> dispatches, std::vector<d
   return d.gl.check("glGetQueryObjectui64v");
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline device

@@ -14,7 +14,7 @@
 
 #include "device/compute_device.h"
 
-namespace gobo {
+namespace gobo::inline device {
 
 class VulkanDevice;
 
@@ -65,4 +65,4 @@ class VulkanDevice final : public ComputeDevice, public std::enable_shared_from_
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline device

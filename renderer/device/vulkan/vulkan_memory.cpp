@@ -8,7 +8,7 @@
 #include "base/check.h"
 #include "device/vulkan/vulkan_impl.h"
 
-namespace gobo {
+namespace gobo::inline device {
 namespace {
 
 constexpr VkMemoryPropertyFlags kHost = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
@@ -179,4 +179,4 @@ Status VulkanDevice::download(const ComputeBuffer& from, void* data, size_t byte
   return {};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline device

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "device/vulkan/vulkan_result.h"
 
-namespace gobo {
+namespace gobo::inline device {
 
 std::string vkResultName(VkResult result) {
   switch (result) {
@@ -52,4 +52,4 @@ Status vkStatus(VkResult result, const char* call) {
   return {code, std::string(call) + ": " + vkResultName(result)};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline device

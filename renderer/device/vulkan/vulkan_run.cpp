@@ -5,7 +5,7 @@
 #include "base/check.h"
 #include "device/vulkan/vulkan_impl.h"
 
-namespace gobo {
+namespace gobo::inline device {
 
 Result<VulkanDevice::Impl::Pipeline> VulkanDevice::Impl::pipeline(const ComputeKernel& kernel) {
   if (const auto found = pipelines.find(kernel.code.data()); found != pipelines.end()) return found->second;
@@ -120,4 +120,4 @@ Status VulkanDevice::run(std::span<const ComputeDispatch> dispatches, std::vecto
   return {};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline device

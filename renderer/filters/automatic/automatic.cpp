@@ -10,7 +10,7 @@
 #include "filters/shadow_map/techniques.h"
 #include "filters/soft_shadow/soft_shadow.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 // Nanoseconds on the machine of docs/benchmarks.md (2 cores), by `bench/shadow_bench costs`.
@@ -168,4 +168,4 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   return choice;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

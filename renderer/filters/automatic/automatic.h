@@ -13,7 +13,7 @@
 
 #include "filters/shadow_technique.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct AutomaticCandidate {
   v1::ShadowTechnique technique;  ///< with map settings
@@ -31,4 +31,4 @@ struct AutomaticChoice {
 Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique,
                                      const std::function<Result<TermPtr>(const Graph&, NodeId)>& expand);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -14,7 +14,7 @@
 #include "trace/solid_scene.h"
 #include "trace/view_samples.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 constexpr int kGrain = 8;          // pixels a task
@@ -409,4 +409,4 @@ class MapProbeNode final : public Node {
 NodePtr makeShadowProbeNode(const ShadowProbeSettings& settings) { return std::make_shared<ShadowProbeNode>(settings); }
 NodePtr makeMapProbeNode(const MapProbeSettings& settings) { return std::make_shared<MapProbeNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

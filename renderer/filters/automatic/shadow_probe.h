@@ -11,7 +11,7 @@
 #include "scene/camera.h"
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// One map that could be made.
 struct ProbeMap {
@@ -45,4 +45,4 @@ struct MapProbeSettings {
 /// percentage-closer soft shadows with 36 + 64 taps. A small output.
 NodePtr makeMapProbeNode(const MapProbeSettings& settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

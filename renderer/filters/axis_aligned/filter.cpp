@@ -8,7 +8,7 @@
 #include "filters/axis_aligned/taps_kernels.h"
 #include "formulas/axis_aligned.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 using axis_aligned::kLanes;
@@ -267,4 +267,4 @@ const AxisAlignedFilterSettings& settingsOfAxisAlignedFilter(const Node& node) {
 }
 NodePtr makeAxisAlignedFilter(const AxisAlignedFilterSettings& settings) { return std::make_shared<AxisAlignedFilter>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -7,7 +7,7 @@
 #include "filters/axis_aligned/filter.h"
 #include "formulas/axis_aligned.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 class ShadowFilterMaps final : public Node {
@@ -67,4 +67,4 @@ Result<NodeId> planShadowFilterMaps(Graph& graph, NodeId visibility) {
       {std::make_shared<ShadowFilterMaps>(settings.k, settings.radiusPx > 0), {count, width, gbuffer}, {}, filter.label + " maps", 0, nullptr, false});
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -4,10 +4,10 @@
 
 #include "terms/graph.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// Adds a node "shadow_filter_maps" behind the filter that `visibility` comes from: planes rays f32, shadow rays of the view sample, and width f32, standard
 /// deviation of the filter in pixels, in the light's plane; 0 where nothing is filtered. Errors: InvalidArgument where no axis-aligned filter is.
 Result<NodeId> planShadowFilterMaps(Graph& graph, NodeId visibility);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -6,7 +6,7 @@
 
 #include "formulas/axis_aligned.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 float samples(const ShadowRateSettings& r, float sMin, float sMax, float footprint, float mu) {
@@ -213,4 +213,4 @@ NodePtr makeShadowSlopeDilation(int radiusPx, const Extent& extent) { return std
 NodePtr makeShadowMu(float mu, float meanSamples, const ShadowRateSettings& rate) { return std::make_shared<ShadowMu>(mu, meanSamples, rate); }
 NodePtr makeShadowSampleCount(const ShadowRateSettings& rate, const Extent& extent) { return std::make_shared<ShadowSampleCount>(rate, extent); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

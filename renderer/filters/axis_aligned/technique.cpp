@@ -12,7 +12,7 @@
 #include "filters/ray_traced/technique.h"
 #include "terms/shadow_slopes.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 constexpr uint32_t kDefaultSamples = 16;  // where mean_samples is 0 and no equation says how many
@@ -83,4 +83,4 @@ const ShadowTechniqueEntry& axisAlignedShadowTechnique() {
   return entry;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -12,8 +12,8 @@
 
 #include "filters/shadow_technique.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 const ShadowTechniqueEntry& axisAlignedShadowTechnique();
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -8,7 +8,7 @@
 
 #include "base/closest.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -119,4 +119,4 @@ Result<Formula> Formula::parse(const std::string& text, std::span<const std::str
   return f;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -18,7 +18,7 @@
 
 #include "base/status.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 inline constexpr size_t kMostFormula = 1000;
 
@@ -62,4 +62,4 @@ class Formula {
   std::vector<bool> reads_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

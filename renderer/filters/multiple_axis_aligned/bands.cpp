@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 class LightBandNode final : public Node {
@@ -70,4 +70,4 @@ class LightBandSumNode final : public Node {
 NodePtr makeLightBand(int band) { return std::make_shared<LightBandNode>(band); }
 NodePtr makeLightBandSum() { return std::make_shared<LightBandSumNode>(); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -4,7 +4,7 @@
 #include "filters/denoise/fast_exp.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -101,4 +101,4 @@ class BilateralNode final : public PictureNode {
 
 NodePtr makeBilateralNode(PictureShape shape, double sigma, double range) { return std::make_shared<BilateralNode>(std::move(shape), sigma, range); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -7,7 +7,7 @@
 #include "filters/picture/fourier.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -166,4 +166,4 @@ NodePtr makeBloomNode(PictureShape shape, double threshold, double gain, double 
   return std::make_shared<BloomNode>(std::move(shape), threshold, gain, radius);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -3,7 +3,7 @@
 
 #include "gobo/v1/options.pb.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 std::string filteredTerm(const v1::PictureFilter& filter) { return filter.term().empty() ? "beauty" : filter.term(); }
 
@@ -71,4 +71,4 @@ void scaleFilters(v1::RenderRequest& request, double scale) {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

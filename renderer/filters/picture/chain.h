@@ -13,7 +13,7 @@
 #include "gobo/v1/render.pb.h"
 #include "terms/graph.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct PictureFilterEntry {
   v1::PictureFilter::FilterCase key;
@@ -54,4 +54,4 @@ NodeId addChain(Graph& graph, NodeId in, const Chain& chain, const PictureShape&
 /// The same filters in a picture of another size, `scale` times as wide: what they count in pixels is as large in it.
 void scaleFilters(v1::RenderRequest& request, double scale);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -2,7 +2,7 @@
 #include "base/vec.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -53,4 +53,4 @@ NodePtr makeColorBalanceNode(PictureShape shape, const std::array<double, 3>& tr
   return std::make_shared<ColorBalanceNode>(std::move(shape), transmittance, density, keepLuminance);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

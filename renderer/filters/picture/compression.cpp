@@ -5,7 +5,7 @@
 #include "filters/picture/fourier.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -118,4 +118,4 @@ class CompressionNode final : public PictureNode {
 
 NodePtr makeCompressionNode(PictureShape shape, double share) { return std::make_shared<CompressionNode>(std::move(shape), share); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "filters/picture/convolution.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -77,4 +77,4 @@ Status convolve(std::span<const float> in, std::span<float> out, const PictureSh
   return columns && !ctx.stop.stopRequested() ? Status() : pictureStopped();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

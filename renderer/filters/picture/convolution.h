@@ -7,7 +7,7 @@
 
 #include "filters/picture/picture_node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// Half of a symmetric kernel, its middle first: a Gaussian of standard deviation `sigma` pixels, sampled, to 4 sigma (its variance is 0.1 % short then), of
 /// sum 1 over both halves. sigma 0: {1}.
@@ -20,4 +20,4 @@ size_t convolutionBytes(const PictureShape& shape);
 /// Time of a value.
 double convolutionNs(size_t kernel);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

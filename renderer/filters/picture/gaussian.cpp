@@ -2,7 +2,7 @@
 #include "filters/picture/convolution.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -32,4 +32,4 @@ class GaussianNode final : public PictureNode {
 
 NodePtr makeGaussianNode(PictureShape shape, double sigma) { return std::make_shared<GaussianNode>(std::move(shape), sigma); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

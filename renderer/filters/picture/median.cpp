@@ -3,7 +3,7 @@
 
 #include "filters/picture/picture_filters.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -98,4 +98,4 @@ class MedianNode final : public PictureNode {
 
 NodePtr makeMedianNode(PictureShape shape, int radius, double deviations) { return std::make_shared<MedianNode>(std::move(shape), radius, deviations); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -3,7 +3,7 @@
 
 #include "terms/dropped_samples.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 NodeTraits PictureNode::linear(bool keepsRange) const {
   NodeTraits t;
@@ -44,4 +44,4 @@ Result<TermPtr> PictureNode::run(const RunContext& ctx) const {
   return TermPtr(ctx.result);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -12,7 +12,7 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// What a filter works on.
 struct PictureShape {
@@ -62,4 +62,4 @@ class PictureNode : public Node {
 
 inline Status pictureStopped() { return Status(Code::Cancelled, "stopped"); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -4,7 +4,7 @@
 #include "filters/picture/chain.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -78,4 +78,4 @@ const PictureFilterEntry* findPictureFilter(v1::PictureFilter::FilterCase key) {
   return nullptr;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -4,7 +4,7 @@
 
 #include "filters/picture/picture_filters.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -169,4 +169,4 @@ NodePtr makeResampleNode(PictureShape shape, double factor, v1::ResampleFilter::
   return std::make_shared<ResampleNode>(std::move(shape), factor, kernel, prefilter);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

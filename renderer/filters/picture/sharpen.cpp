@@ -2,7 +2,7 @@
 #include "filters/picture/convolution.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -42,4 +42,4 @@ class SharpenNode final : public PictureNode {
 
 NodePtr makeSharpenNode(PictureShape shape, double sigma, double amount) { return std::make_shared<SharpenNode>(std::move(shape), sigma, amount); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -5,7 +5,7 @@
 #include "filters/parameter.h"
 #include "terms/visibility.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 uint64_t shadowSeed(const ShadowInput& input) {
   const std::string& name = input.scene->lights[input.light].name;
@@ -37,4 +37,4 @@ const ShadowTechniqueEntry& rayTracedShadowTechnique() {
   return entry;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

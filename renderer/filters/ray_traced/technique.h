@@ -4,7 +4,7 @@
 
 #include "filters/shadow_technique.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 const ShadowTechniqueEntry& rayTracedShadowTechnique();
 
@@ -12,4 +12,4 @@ const ShadowTechniqueEntry& rayTracedShadowTechnique();
 /// keeps its samples when others come and go.
 uint64_t shadowSeed(const ShadowInput& input);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

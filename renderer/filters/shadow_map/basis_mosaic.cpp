@@ -4,7 +4,7 @@
 
 #include "filters/shadow_map/shadow_map.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 class BasisMosaicNode : public Node {
@@ -65,4 +65,4 @@ class BasisMosaicNode : public Node {
 
 NodePtr makeBasisMosaicNode(int resolution, int channels, int faces) { return std::make_shared<BasisMosaicNode>(resolution, channels, faces); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

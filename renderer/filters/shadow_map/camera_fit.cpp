@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 struct ClipPlane {
@@ -176,4 +176,4 @@ void fitToCamera(LightFrames& frames, const CameraFit& fit, const Vec3& lo, cons
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

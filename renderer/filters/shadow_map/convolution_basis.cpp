@@ -7,7 +7,7 @@
 #include "filters/parameter.h"
 #include "filters/shadow_map/shadow_basis_kernels.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 // The series in t = (z - d) / P, double.
@@ -132,4 +132,4 @@ class ConvolutionBasis final : public ShadowBasis {
 
 ShadowBasisPtr makeConvolutionBasis(const v1::ConvolutionShadow& m) { return std::make_shared<ConvolutionBasis>(m); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

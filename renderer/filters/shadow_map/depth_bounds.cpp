@@ -5,7 +5,7 @@
 
 #include "formulas/shadow_map.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 MipLevel mipLevel(int resolution, int level) {
   MipLevel m{0, resolution};
@@ -104,4 +104,4 @@ class DepthBoundsNode : public Node {
 
 NodePtr makeDepthBoundsNode(int resolution, int faces) { return std::make_shared<DepthBoundsNode>(resolution, faces); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -9,7 +9,7 @@
 
 #include "filters/shadow_map/shadow_map.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 class DepthBounds {
  public:
@@ -55,4 +55,4 @@ class DepthBounds {
   int side_[kMaxLevels];
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

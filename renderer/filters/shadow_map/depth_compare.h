@@ -8,7 +8,7 @@
 #include "filters/shadow_map/depth_bounds.h"
 #include "filters/shadow_map/receivers.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// Weights of one axis at one receiver: texels first .. first + count - 1.
 struct AxisKernel {
@@ -114,4 +114,4 @@ inline float compareKernel(const float* z, int side, const ReceiverPlane& r, con
   return lit == 0 ? 0.0f : lit == kx.count * ky.count ? 1.0f : std::min(sum, 1.0f);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -16,7 +16,7 @@
 #include "base/task_arena.h"
 #include "filters/shadow_map/light_frame.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// One instance's triangles. All pointers must outlive the raster.
 struct RasterMesh {
@@ -64,4 +64,4 @@ class DepthRaster {
   std::vector<Chunk> chunks_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -3,7 +3,7 @@
 
 #include "formulas/shadow_map.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 inline float spanAt(const DepthSpan& s, int i) {
@@ -40,4 +40,4 @@ void resolveOrthographic(const float* __restrict q, float* __restrict z, size_t 
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

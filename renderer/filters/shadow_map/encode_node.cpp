@@ -8,7 +8,7 @@
 #include "filters/shadow_map/shadow_map.h"
 #include "formulas/exponential_shadow_map.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 std::vector<float> shadowGaussian(int radius) {
   std::vector<float> weights(size_t(2 * radius + 1));
@@ -148,4 +148,4 @@ NodePtr makeShadowEncodeNode(ShadowBasisPtr basis, int blur, int resolution, int
   return std::make_shared<EncodeNode>(std::move(basis), blur, resolution, faces, bytes, std::move(device));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -2,7 +2,7 @@
 #include "base/check.h"
 #include "filters/shadow_map/shadow_basis_kernels.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 class ExponentialBasis final : public ShadowBasis {
@@ -34,4 +34,4 @@ class ExponentialBasis final : public ShadowBasis {
 
 ShadowBasisPtr makeExponentialBasis(float c, bool logarithmic) { return std::make_shared<ExponentialBasis>(c, logarithmic); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 constexpr uint32_t kEncodeCode[] =
@@ -105,4 +105,4 @@ Status deviceLookup(ComputeDevice& device, const DeviceLookup& lookup, std::span
   return {};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

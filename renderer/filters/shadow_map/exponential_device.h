@@ -9,7 +9,7 @@
 #include "device/compute_device.h"
 #include "filters/shadow_map/light_frame.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// e (width x height) from z: encode, filter rows, filter columns. Errors: those of ComputeDevice.
 Status deviceEncode(ComputeDevice& device, std::span<const float> z, int width, int height, float c, std::span<const float> weights, std::span<float> e);
@@ -24,4 +24,4 @@ struct DeviceLookup {
 Status deviceLookup(ComputeDevice& device, const DeviceLookup& lookup, std::span<const float> map, std::span<const float> positions,
                     std::span<const uint32_t> instances, std::span<float> visibility, const StopToken& stop);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

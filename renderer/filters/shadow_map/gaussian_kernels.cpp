@@ -5,7 +5,7 @@
 
 #include "formulas/convolution_shadow_map.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 using namespace formulas;
 
@@ -68,4 +68,4 @@ void toBytes(const float* __restrict values, uint8_t* __restrict out, size_t n) 
   for (size_t i = 0; i < n; ++i) out[i] = uint8_t(int(csmToByte(values[i])));  // through int: that conversion has a vector form
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

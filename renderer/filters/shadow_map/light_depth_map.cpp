@@ -9,7 +9,7 @@
 #include "trace/accel_impl.h"
 #include "trace/solid_scene.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 constexpr int kLanes = 16;
@@ -141,4 +141,4 @@ NodePtr makeLightDepthMapNode(const LightFrames& frames, int resolution, DepthMe
   return std::make_shared<LightDepthMapNode>(frames, resolution, method, clear);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

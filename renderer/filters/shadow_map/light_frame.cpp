@@ -5,7 +5,7 @@
 
 #include "scene/light_axes.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 LightFrame::Rows LightFrame::rows() const {
   const Vec2 scale = 1.0f / (hi - lo);
@@ -168,4 +168,4 @@ Result<LightFrames> fitLightFrames(const LightShape& light, const Vec3& lo, cons
   return frames;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

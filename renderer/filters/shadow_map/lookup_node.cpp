@@ -8,7 +8,7 @@
 #include "filters/shadow_map/summed_area.h"
 #include "formulas/math.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 using Settings = v1::ShadowMapSettings;
@@ -205,4 +205,4 @@ NodePtr makeShadowLookupNode(ShadowBasisPtr basis, const ShadowLookup& lookup, s
   return std::make_shared<LookupNode>(std::move(basis), lookup, std::move(device));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

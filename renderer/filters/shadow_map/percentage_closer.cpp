@@ -9,7 +9,7 @@
 #include "filters/shadow_map/depth_compare.h"
 #include "filters/shadow_map/percentage_closer_kernels.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 class PercentageCloserNode : public Node {
@@ -148,4 +148,4 @@ bool readsDepthBounds(const PercentageCloserLookup& l) {
 
 NodePtr makePercentageCloserNode(const PercentageCloserLookup& lookup) { return std::make_shared<PercentageCloserNode>(lookup); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

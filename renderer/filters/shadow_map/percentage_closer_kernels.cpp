@@ -5,7 +5,7 @@
 
 #include "formulas/shadow_map.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 using formulas::absOf;
 
@@ -75,4 +75,4 @@ void bilinearComparisons(const float* __restrict z, int side, size_t faceTexels,
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

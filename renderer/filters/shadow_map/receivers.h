@@ -8,7 +8,7 @@
 #include "filters/shadow_map/shadow_map.h"
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct ReceiverBlock {
   static constexpr int kSize = 128;
@@ -62,4 +62,4 @@ class Receivers {
   ReceiverNeeds needs_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -3,7 +3,7 @@
 
 #include "formulas/shadow_map.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 using namespace formulas;
 
@@ -147,4 +147,4 @@ void Receivers::footprints(size_t begin, int count, ReceiverBlock& b) const {
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

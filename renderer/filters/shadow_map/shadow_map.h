@@ -17,9 +17,12 @@
 #include "gobo/v1/filters.pb.h"
 #include "terms/node.h"
 
-namespace gobo {
-
+namespace gobo::inline device {
 class ComputeDevice;
+}
+
+namespace gobo::inline filters {
+
 
 /// v1::ShadowMapSettings with its defaults filled in.
 struct ShadowMapSettings {
@@ -110,4 +113,4 @@ NodePtr makePercentageCloserNode(const PercentageCloserLookup& lookup);
 /// people to look at.
 NodePtr makeBasisMosaicNode(int resolution, int channels, int faces);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

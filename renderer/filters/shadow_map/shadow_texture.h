@@ -8,7 +8,7 @@
 #include "filters/shadow_map/receivers.h"
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 class ShadowTexture {
  public:
@@ -35,4 +35,4 @@ class ShadowTexture {
   float logarithmic_ = 0.0f;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

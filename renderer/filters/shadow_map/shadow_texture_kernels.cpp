@@ -6,7 +6,7 @@
 #include "formulas/convolution_shadow_map.glsl.h"
 #include "formulas/shadow_map.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 using namespace formulas;
 
@@ -147,4 +147,4 @@ void ShadowTexture::anisotropic(int face, float x, float y, const Vec2& major, c
     for (int k = 0; k < count; ++k) out[k] = sum[k] / float(n);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

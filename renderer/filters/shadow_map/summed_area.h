@@ -9,7 +9,7 @@
 #include "filters/shadow_map/shadow_map.h"
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 class SummedArea {
  public:
@@ -30,4 +30,4 @@ class SummedArea {
   int channels_ = 0, resolution_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -6,7 +6,7 @@
 
 #include "formulas/math.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 constexpr int kLift = 8;        // texels between lifted sums
@@ -181,4 +181,4 @@ NodePtr makeShadowSummedAreaNode(ShadowBasisPtr basis, int resolution, int faces
   return std::make_shared<SummedAreaNode>(std::move(basis), resolution, faces);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -9,7 +9,7 @@
 #include "filters/parameter.h"
 #include "filters/shadow_map/camera_fit.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -236,4 +236,4 @@ Result<NodeId> planExponentialShadow(Graph& graph, const ShadowInput& input, con
   return planFiltered(graph, input, t, makeExponentialBasis(float(c), logarithmic), false, device, &e);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

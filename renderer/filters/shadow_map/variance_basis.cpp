@@ -3,7 +3,7 @@
 #include "filters/parameter.h"
 #include "filters/shadow_map/shadow_basis_kernels.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 class VarianceBasis final : public ShadowBasis {
@@ -61,4 +61,4 @@ ShadowBasisPtr makeVarianceBasis(const v1::VarianceShadow& m) { return std::make
 ShadowBasisPtr makeExponentialVarianceBasis(float p, float n, float v, float cut) { return std::make_shared<ExponentialVarianceBasis>(p, n, v, cut); }
 ShadowBasisPtr makeMomentBasis(const v1::MomentShadow& m) { return std::make_shared<MomentBasis>(m); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -7,7 +7,7 @@
 
 #include "filters/sheared/gather_kernels.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 using sheared::Gathered;
@@ -202,4 +202,4 @@ Result<TermPtr> ShearedFilter::run(const RunContext& ctx) const {
 
 NodePtr makeShearedFilter(const ShearedFilterSettings& settings) { return std::make_shared<ShearedFilter>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -25,7 +25,7 @@
 #include "terms/light_samples.h"
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct ShearedFilterSettings {
   enum class Passes {
@@ -41,4 +41,4 @@ struct ShearedFilterSettings {
 
 NodePtr makeShearedFilter(const ShearedFilterSettings& settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -8,7 +8,7 @@
 #include "filters/sheared/gather_kernels.h"
 #include "formulas/axis_aligned.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 constexpr double kEnds = 20.0;           // weight of what the light's ends add; looked at: grids and two-trees, seeds 1 and 2
@@ -122,4 +122,4 @@ ShearChoice chooseShear(const double moments[4], float penumbra, float n, const 
 
 NodePtr makeShadowShear(const ShadowShearSettings& settings, const Extent& extent) { return std::make_shared<ShadowShear>(settings, extent); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

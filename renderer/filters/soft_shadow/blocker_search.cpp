@@ -5,7 +5,7 @@
 
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 using namespace formulas;
 
@@ -46,4 +46,4 @@ void BlockerSearch::run(const SoftReceivers& receivers, const DepthBounds& bound
   w.count = blocked;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

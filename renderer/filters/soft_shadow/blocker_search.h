@@ -4,7 +4,7 @@
 
 #include "filters/soft_shadow/soft_kernels.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 class BlockerSearch {
  public:
@@ -54,4 +54,4 @@ void softSums(SoftAsk ask, const SoftReceivers& receivers, const DepthBounds& bo
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -7,7 +7,7 @@
 #include "base/sobol.h"
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 using namespace formulas;
 
@@ -151,4 +151,4 @@ void softProbe(const float* z, int side, const SoftPattern& pattern, bool perspe
   else taps<Pass::Probe, false>(z, side, pattern, &k);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

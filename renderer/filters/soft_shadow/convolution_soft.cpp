@@ -14,7 +14,7 @@
 #include "filters/soft_shadow/soft_receivers.h"
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 using namespace formulas;
 
@@ -186,4 +186,4 @@ class ConvolutionSoftNode : public Node {
 ShadowBasisPtr makeConvolutionSoftBasis(int order) { return std::make_shared<ConvolutionSoftBasis>(order); }
 NodePtr makeConvolutionSoftNode(const ConvolutionSoftLookup& lookup) { return std::make_shared<ConvolutionSoftNode>(lookup); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -6,7 +6,7 @@
 #include "formulas/convolution_shadow_map.glsl.h"
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 using namespace formulas;
 
@@ -75,4 +75,4 @@ void convolutionBlockers(const float* __restrict values, size_t stride, const fl
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -6,7 +6,7 @@
 #include "filters/soft_shadow/mip_chain.h"
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 using namespace formulas;
 
@@ -77,4 +77,4 @@ class ExponentialVarianceSoftNode : public Node {
 
 NodePtr makeExponentialVarianceSoftNode(const ExponentialVarianceSoftLookup& lookup) { return std::make_shared<ExponentialVarianceSoftNode>(lookup); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -8,7 +8,7 @@
 #include "filters/shadow_map/shadow_map.h"
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 class MipChain {
  public:
@@ -26,4 +26,4 @@ class MipChain {
   int side_[15];
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

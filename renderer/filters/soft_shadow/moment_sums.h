@@ -8,7 +8,7 @@
 
 #include "filters/soft_shadow/soft_receivers.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// Filter, term "shadow_moment_sums": plane sums f64 x 2, (side + 1)^2 a face with zeroes in the first row and column. Input: a "light_depth_map".
 NodePtr makeMomentSumsNode(int resolution, int faces);
@@ -25,4 +25,4 @@ class MomentSums {
   size_t row_, face_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

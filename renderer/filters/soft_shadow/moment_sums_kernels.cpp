@@ -5,7 +5,7 @@
 #include "filters/soft_shadow/moment_sums.h"
 #include "formulas/variance_shadow_map.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 namespace {
 
 constexpr double kUnit = 1073741824.0;  // 2^30
@@ -102,4 +102,4 @@ void MomentSums::box(int face, const SoftBox& b, float& first, float& second) co
 
 NodePtr makeMomentSumsNode(int resolution, int faces) { return std::make_shared<MomentSumsNode>(resolution, faces); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -6,7 +6,7 @@
 #include "filters/soft_shadow/blocker_search.h"
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 using namespace formulas;
 
@@ -68,4 +68,4 @@ class PercentageCloserSoftNode : public Node {
 
 NodePtr makePercentageCloserSoftNode(const PercentageCloserSoftLookup& lookup) { return std::make_shared<PercentageCloserSoftNode>(lookup); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -6,7 +6,7 @@
 
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 using namespace formulas;
 
@@ -255,4 +255,4 @@ void softSearches(const SoftReceivers& receivers, const DepthBounds& bounds, con
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

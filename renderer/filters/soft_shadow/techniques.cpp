@@ -7,7 +7,7 @@
 #include "filters/shadow_map/techniques.h"
 #include "filters/soft_shadow/moment_sums.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -161,4 +161,4 @@ Result<NodeId> planExponentialVarianceSoft(Graph& graph, const ShadowInput& inpu
   return addShadowFilter(graph, makeExponentialVarianceSoftNode(l), {input.gbuffer, p.bounds, chain}, "visibility", input);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -10,7 +10,7 @@
 #include "formulas/soft_shadow.glsl.h"
 #include "formulas/variance_shadow_map.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 using namespace formulas;
 
@@ -149,4 +149,4 @@ class VarianceSoftNode : public Node {
 
 NodePtr makeVarianceSoftNode(const VarianceSoftLookup& lookup) { return std::make_shared<VarianceSoftNode>(lookup); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

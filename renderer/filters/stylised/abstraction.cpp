@@ -13,7 +13,7 @@
 #include "filters/stylised/screen_metric.h"
 #include "terms/scratch.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -202,4 +202,4 @@ class StyleAbstractionNode final : public Node {
 
 NodePtr makeStyleAbstractionNode(const StyleAbstractionSettings& settings) { return std::make_shared<StyleAbstractionNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -21,7 +21,7 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct StyleAbstractionSettings {
   Extent extent;
@@ -33,4 +33,4 @@ struct StyleAbstractionSettings {
 
 NodePtr makeStyleAbstractionNode(const StyleAbstractionSettings& settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -10,7 +10,7 @@
 #include "filters/stylised/averaged_distance.h"
 #include "terms/scratch.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -385,4 +385,4 @@ bool abstractByCells(const AbstractionInput& a, const TaskArena& arena, const St
 
 size_t abstractionCellBytes(size_t samples) { return samples * (kCellPlanes * sizeof(float) + 4) / 2; }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

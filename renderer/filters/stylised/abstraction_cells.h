@@ -17,7 +17,7 @@
 
 #include "filters/stylised/contour.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct AbstractionInput {
   const ContourInput& in;    ///< of one layer; no V
@@ -37,4 +37,4 @@ bool abstractByCells(const AbstractionInput& a, const TaskArena& arena, const St
 /// Of what it holds meanwhile.
 size_t abstractionCellBytes(size_t samples);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

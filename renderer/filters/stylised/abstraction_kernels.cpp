@@ -8,7 +8,7 @@
 
 #include "filters/denoise/fast_exp.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -139,4 +139,4 @@ void wholeCells(const float* __restrict f0, const float* __restrict f1, const fl
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

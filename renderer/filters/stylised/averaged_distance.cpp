@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -100,4 +100,4 @@ double averagedDistanceTo(std::span<const ContourSegment> contour, const Vec3& x
   return averagedDistance(sum, length, unit2, p, norm);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

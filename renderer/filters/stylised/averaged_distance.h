@@ -16,7 +16,7 @@
 
 #include "filters/stylised/contour.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 enum class StyleNorm : uint8_t { Local, Published };
 
@@ -35,4 +35,4 @@ double averagedDistance(double sum, double length, double unit2, int p, StyleNor
 /// D of point x with normal n, at least 0; kStyleFar without a segment that it sees. O(segments).
 double averagedDistanceTo(std::span<const ContourSegment> contour, const Vec3& x, const Vec3& n, int p, StyleNorm norm, float cosine);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -5,7 +5,7 @@
 
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -148,4 +148,4 @@ Result<std::vector<ContourSegment>> extractContour(const ContourInput& in, float
   return all;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -31,9 +31,12 @@
 #include "base/task_arena.h"
 #include "base/vec.h"
 
-namespace gobo {
-
+namespace gobo::inline terms {
 class Term;
+}
+
+namespace gobo::inline filters {
+
 
 struct ContourSegment {
   Vec3 a{0.0f}, b{0.0f};
@@ -72,4 +75,4 @@ void extractSquare(const ContourInput& in, int x, int y, float cosine, std::vect
 Result<std::vector<ContourSegment>> extractContour(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop,
                                                    std::vector<uint32_t>* squares = nullptr);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

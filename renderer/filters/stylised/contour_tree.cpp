@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numeric>
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -231,4 +231,4 @@ void ContourTree::gatherFrom(const Patch& patch, const Pieces& pieces, double di
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -16,7 +16,7 @@
 
 #include "filters/stylised/averaged_distance.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// Sources by component, for loops over them.
 struct PatchSources {
@@ -89,4 +89,4 @@ class ContourTree {
   double angle_ = 0, error_ = 0, length_ = 0, surely_ = 2, hardly_ = -2, cubic_ = 0, safe_ = 0;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

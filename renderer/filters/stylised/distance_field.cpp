@@ -14,7 +14,7 @@
 #include "filters/stylised/screen_metric.h"
 #include "filters/stylised/source_sums.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -503,4 +503,4 @@ uint64_t styleDistanceTerms(const StyleDistanceSettings& settings, const Term& v
 
 NodePtr makeStyleDistanceNode(const StyleDistanceSettings& settings) { return std::make_shared<StyleDistanceNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -28,7 +28,7 @@
 #include "filters/stylised/averaged_distance.h"
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct StyleDistanceSettings {
   Extent extent;
@@ -55,4 +55,4 @@ NodePtr makeStyleDistanceNode(const StyleDistanceSettings& settings);
 /// How many terms (sources at points, polynomials at points) the node adds up, for tests of what its work grows with.
 uint64_t styleDistanceTerms(const StyleDistanceSettings& settings, const Term& visibility, const Term& gbuffer, const TaskArena& arena);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -8,7 +8,7 @@
 
 #include "filters/stylised/contour.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -245,4 +245,4 @@ const char* edgeCasterPlane(int caster) {
 
 NodePtr makeEdgeMeanNode(const EdgeMeanSettings& settings) { return std::make_shared<EdgeMeanNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

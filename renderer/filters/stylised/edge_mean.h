@@ -19,7 +19,7 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct EdgeMeanSettings {
   Extent extent;
@@ -39,4 +39,4 @@ struct EdgePoint {
 /// The mean of the first value at x with normal n; 0 where no point is seen. For tests: term by term, without a tree.
 double edgeMeanAt(const std::vector<EdgePoint>& edge, const Vec3& x, const Vec3& n, float cosine);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

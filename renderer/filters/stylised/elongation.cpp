@@ -9,7 +9,7 @@
 #include "terms/gbuffer.h"
 #include "trace/view_samples.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -216,4 +216,4 @@ bool StyleLight::along(const Vec3& P, const Vec3& N, Vec3& t) const {
 
 NodePtr makeStyleElongationNode(const StyleElongationSettings& settings) { return std::make_shared<StyleElongationNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -25,7 +25,7 @@
 #include "terms/node.h"
 #include "terms/view_place.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// Where light comes from, for a walk.
 struct StyleLight {
@@ -46,4 +46,4 @@ struct StyleElongationSettings {
 
 NodePtr makeStyleElongationNode(const StyleElongationSettings& settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -8,7 +8,7 @@
 #include "filters/stylised/averaged_distance.h"
 #include "filters/stylised/skeleton.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -139,4 +139,4 @@ class StyleKeepNode final : public Node {
 NodePtr makeStyleHalfWidthNode(const StyleHalfWidthSettings& settings) { return std::make_shared<StyleHalfWidthNode>(settings); }
 NodePtr makeStyleKeepNode(const StyleKeepSettings& settings) { return std::make_shared<StyleKeepNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -29,7 +29,7 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct StyleHalfWidthSettings {
   Extent extent;
@@ -45,4 +45,4 @@ struct StyleKeepSettings {
 };
 NodePtr makeStyleKeepNode(const StyleKeepSettings& settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -7,7 +7,7 @@
 #include "terms/hidden_surface.h"
 #include "terms/visibility.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -167,4 +167,4 @@ Status appendHiddenContours(const RunContext& ctx, const ContourInput& seen, siz
   return {};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

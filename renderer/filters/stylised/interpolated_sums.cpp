@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -110,4 +110,4 @@ void InterpolatedSum::fit(const std::array<double, kNodes>& values) {
     }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -12,7 +12,7 @@
 
 #include "base/vec.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct PlaneRectangle {
   DVec3 centre{0.0}, s{1, 0, 0}, t{0, 1, 0};  ///< unit, at right angles
@@ -39,4 +39,4 @@ struct InterpolatedSum {
   void fit(const std::array<double, kNodes>& values);
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

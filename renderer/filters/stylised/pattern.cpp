@@ -6,7 +6,7 @@
 
 #include "formulas/stylised_shadow.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -107,4 +107,4 @@ float patternAt(StylePattern pattern, float spacing, float angle, float x, float
 
 NodePtr makeStylePatternNode(const StylePatternSettings& settings) { return std::make_shared<StylePatternNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

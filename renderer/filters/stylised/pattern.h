@@ -19,7 +19,7 @@
 #include "terms/node.h"
 #include "terms/view_place.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 enum class StylePattern : uint8_t { Hatching, CrossHatching, Stippling };
 
@@ -38,4 +38,4 @@ NodePtr makeStylePatternNode(const StylePatternSettings& settings);
 /// Share of the pixel about (x, y) that is drawn where the tone asks for `coverage` 0..1.
 float patternAt(StylePattern pattern, float spacing, float angle, float x, float y, float coverage);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

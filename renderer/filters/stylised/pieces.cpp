@@ -5,7 +5,7 @@
 #include <cmath>
 #include <complex>
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -157,4 +157,4 @@ double distanceToTarget(const ShadowPiece& piece, const DVec3& x) {
   return away > 0 ? std::hypot(std::max(flat, 0.0), away) : flat;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -16,7 +16,7 @@
 #include "filters/stylised/surface_links.h"
 #include "filters/stylised/target_shape.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct ShadowPiece {
   TargetShape shape;
@@ -43,4 +43,4 @@ Result<ShadowPieces> shadowPieces(const ContourInput& in, const SurfaceLinks& li
 /// Signed distance from x to a piece's target in the world: within `thickness` of its plane that in the plane, elsewhere that to the flat shape, positive.
 double distanceToTarget(const ShadowPiece& piece, const DVec3& x);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

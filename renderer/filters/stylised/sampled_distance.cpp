@@ -9,7 +9,7 @@
 #include "filters/stylised/sampled_sums.h"
 #include "filters/stylised/screen_metric.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -92,4 +92,4 @@ class SampledDistanceNode final : public Node {
 
 NodePtr makeSampledDistanceNode(const SampledDistanceSettings& settings) { return std::make_shared<SampledDistanceNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -20,7 +20,7 @@
 #include "filters/stylised/distance_field.h"
 #include "terms/view_place.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct SampledDistanceSettings {
   StyleDistanceSettings distance;
@@ -31,4 +31,4 @@ struct SampledDistanceSettings {
 
 NodePtr makeSampledDistanceNode(const SampledDistanceSettings& settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

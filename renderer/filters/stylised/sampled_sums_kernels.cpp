@@ -6,7 +6,7 @@
 #include "base/sobol.h"
 #include "filters/stylised/sampled_sums.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -80,4 +80,4 @@ SampledSum ContourPoints::sum(const Vec3& x, const Vec3& n, int p, float cosine,
   return out;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

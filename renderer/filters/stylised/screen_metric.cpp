@@ -3,7 +3,7 @@
 
 #include "terms/term.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 PictureSurface::PictureSurface(int width, int height, float pixel) {
   const size_t w = size_t(width), count = w * size_t(height);
@@ -39,4 +39,4 @@ const ContourInput& PictureSurface::visible(const Term& visibility, const Term& 
   return input_;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -13,7 +13,7 @@
 
 #include "filters/stylised/contour.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 class PictureSurface {
  public:
@@ -33,4 +33,4 @@ class PictureSurface {
   ContourInput input_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

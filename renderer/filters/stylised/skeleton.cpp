@@ -7,7 +7,7 @@
 #include <limits>
 #include <queue>
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -124,4 +124,4 @@ Status shadowSkeleton(const ContourInput& in, const SurfaceLinks& links, std::sp
   return thinHomotopically(links, anchor, r, stop) ? Status() : stopped;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

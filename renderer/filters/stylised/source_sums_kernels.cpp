@@ -6,7 +6,7 @@
 #include "filters/stylised/source_sums.h"
 #include "formulas/math.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -259,4 +259,4 @@ void boundsOf(const SurfacePatch& p, const Vec3& from, const Vec3& axis, float& 
   least = *std::min_element(low, low + kLanes);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

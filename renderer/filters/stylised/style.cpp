@@ -21,7 +21,7 @@
 #include "filters/stylised/transfer.h"
 #include "terms/occluder_distance.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -289,4 +289,4 @@ Result<NodeId> planStyleDistance(Graph& graph, NodeId styled) {
   return graph.add(std::move(window));
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -84,4 +84,4 @@ class StyleLevelsNode final : public FoldNode {
 
 NodePtr makeStyleLevelsNode(const Extent& extent, int levels, bool coloured) { return std::make_shared<StyleLevelsNode>(extent, levels, coloured); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -14,9 +14,9 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// `levels` at least 1.
 NodePtr makeStyleLevelsNode(const Extent& extent, int levels, bool coloured);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -9,7 +9,7 @@
 
 #include "filters/stylised/edge_mean.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -154,4 +154,4 @@ NodePtr makeStyleParametersNode(const Extent& extent, StyleFormulaList formulas,
   return std::make_shared<StyleParametersNode>(extent, std::move(formulas), time);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -13,9 +13,9 @@
 #include "filters/stylised/style_formulas.h"
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// Abstraction reads no edge and is made before it: the caller plans it apart from the others. `formulas` is not empty.
 NodePtr makeStyleParametersNode(const Extent& extent, StyleFormulaList formulas, double time);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

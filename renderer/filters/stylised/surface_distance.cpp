@@ -8,7 +8,7 @@
 #include "filters/stylised/surface_march.h"
 #include "filters/stylised/unfolded_links.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -79,4 +79,4 @@ class SurfaceDistanceNode final : public Node {
 
 NodePtr makeSurfaceDistanceNode(const StyleDistanceSettings& settings) { return std::make_shared<SurfaceDistanceNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

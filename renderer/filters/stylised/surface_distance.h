@@ -17,9 +17,9 @@
 
 #include "filters/stylised/distance_field.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 /// Of the settings extent, angle, level and levels count.
 NodePtr makeSurfaceDistanceNode(const StyleDistanceSettings& settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "filters/stylised/surface_links.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 Result<SurfaceLinks> SurfaceLinks::of(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop) {
   SurfaceLinks links;
@@ -27,4 +27,4 @@ Result<SurfaceLinks> SurfaceLinks::of(const ContourInput& in, float cosine, cons
   return links;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

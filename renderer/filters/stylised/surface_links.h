@@ -12,7 +12,7 @@
 
 #include "filters/stylised/contour.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct RasterStep {
   int x, y;
@@ -70,4 +70,4 @@ bool sweepLinks(const SurfaceLinks& links, const StopToken& stop, const Take& ta
   return true;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -5,7 +5,7 @@
 
 #include "filters/stylised/unfolded_links.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -242,4 +242,4 @@ Result<std::vector<double>> marchSurface(const ContourInput& in, std::span<const
   return march.take();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

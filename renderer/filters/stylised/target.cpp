@@ -7,7 +7,7 @@
 #include "filters/stylised/distance_field.h"
 #include "filters/stylised/pieces.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -149,4 +149,4 @@ class StyleTargetNode final : public Node {
 
 NodePtr makeStyleTargetNode(const StyleTargetSettings& settings) { return std::make_shared<StyleTargetNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

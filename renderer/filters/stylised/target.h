@@ -20,7 +20,7 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 struct StyleTargetSettings {
   Extent extent;
@@ -30,4 +30,4 @@ struct StyleTargetSettings {
 
 NodePtr makeStyleTargetNode(const StyleTargetSettings& settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -6,7 +6,7 @@
 
 #include "base/check.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -93,4 +93,4 @@ double TargetShape::distance(double u, double v) const {
   return most;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -13,7 +13,7 @@
 
 #include <array>
 
-namespace gobo {
+namespace gobo::inline filters {
 
 class TargetShape {
  public:
@@ -40,4 +40,4 @@ class TargetShape {
   std::array<float, kDirections> phi_{}, cos_{}, sin_{}, h_{};  ///< of A or B, whichever is larger
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

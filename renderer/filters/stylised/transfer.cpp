@@ -6,7 +6,7 @@
 
 #include "filters/stylised/transfer_kernels.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -168,4 +168,4 @@ class StyleTransferNode final : public Node {
 
 NodePtr makeStyleTransferNode(const StyleTransferSettings& settings) { return std::make_shared<StyleTransferNode>(settings); }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -18,7 +18,7 @@
 
 #include "terms/node.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 enum class StyleTransition : uint8_t { Smoothstep, Quintic, Staircase, Curve };
 
@@ -44,4 +44,4 @@ struct StyleTransferSettings {
 
 NodePtr makeStyleTransferNode(const StyleTransferSettings& settings);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -5,7 +5,7 @@
 
 #include "formulas/stylised_shadow.glsl.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 void styleRun(const float* __restrict D, size_t count, const StyleTransferSettings& s, float* __restrict V) {
   const float inflation = s.inflation, softness = s.softness, brightness = s.brightness, steps = float(s.steps);
@@ -31,4 +31,4 @@ void styleRun(const float* __restrict D, size_t count, const StyleTransferSettin
   }
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

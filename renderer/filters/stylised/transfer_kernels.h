@@ -6,8 +6,8 @@
 
 #include "filters/stylised/transfer.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 void styleRun(const float* D, size_t count, const StyleTransferSettings& s, float* V);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-namespace gobo {
+namespace gobo::inline filters {
 
 namespace {
 
@@ -70,4 +70,4 @@ Result<std::vector<uint8_t>> surfaceLinks(const ContourInput& in, float cosine, 
   return links;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -24,7 +24,7 @@
 
 #include "filters/stylised/surface_links.h"
 
-namespace gobo {
+namespace gobo::inline filters {
 
 inline constexpr float kCreaseReach = 16.0f;  ///< of a pixel's width
 
@@ -35,4 +35,4 @@ double surfaceStep(const ContourInput& in, size_t e, size_t f);
 /// Of each sample a bit for each neighbour (kAround) that it is linked with. Errors: Cancelled.
 Result<std::vector<uint8_t>> surfaceLinks(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop);
 
-}  // namespace gobo
+}  // namespace gobo::inline filters

@@ -6,7 +6,7 @@
 #include "import/gltf/document.h"
 #include "scene/mipmap.h"
 
-namespace gobo {
+namespace gobo::inline imports {
 namespace {
 
 Result<ScenePtr> load(const std::string& path, const LoadOptions& options) {
@@ -70,4 +70,4 @@ Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options) {
   return scene;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline imports

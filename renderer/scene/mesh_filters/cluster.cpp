@@ -8,7 +8,7 @@
 #include "scene/mesh_filters/numbering.h"
 #include "scene/mesh_filters/quadric.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 namespace {
 
@@ -236,4 +236,4 @@ bool mergeClusters(const VertexClusters& clusters, Mesh& mesh, WeldedMesh& welde
   return !stop.stopRequested();
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -12,7 +12,7 @@
 #include "scene/mesh_filters/quadric.h"
 #include "scene/mesh_filters/smooth.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 namespace {
 
@@ -98,4 +98,4 @@ Result<FilteredMesh> filterMesh(const MeshPtr& mesh, const MeshFilter& filter, c
   return FilteredMesh{FilteredMesh::End::Made, std::move(made)};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

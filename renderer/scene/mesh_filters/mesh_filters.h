@@ -11,7 +11,7 @@
 #include "base/stop.h"
 #include "scene/mesh_view.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 using MeshPtr = std::shared_ptr<const Mesh>;
 
@@ -51,4 +51,4 @@ struct FilteredMesh {
 /// passes; docs/mesh_filters.md has times. One thread, float64 inside; every loop polls `stop`: Cancelled.
 Result<FilteredMesh> filterMesh(const MeshPtr& mesh, const MeshFilter& filter, const StopToken& stop = {});
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

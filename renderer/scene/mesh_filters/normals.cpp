@@ -5,7 +5,7 @@
 
 #include "scene/mesh_filters/numbering.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 bool joinSimilarNormals(const Mesh& mesh, const WeldedMesh& welded, const std::function<void(uint32_t, uint32_t)>& join, const StopToken& stop) {
   const size_t n = welded.pointOf.size(), points = welded.points.size();
@@ -82,4 +82,4 @@ bool turnNormals(Mesh& mesh, const WeldedMesh& welded, const std::vector<DVec3>&
   return true;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace gobo {
+namespace gobo::inline scene {
 
 /// Steps between two looks at a stop token: about a tenth of a millisecond of the dearest of them.
 inline constexpr size_t kFilterPoll = 1024;
@@ -65,4 +65,4 @@ class Numbering {
   std::vector<Key> keys_;
 };
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

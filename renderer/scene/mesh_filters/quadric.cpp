@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace gobo {
+namespace gobo::inline scene {
 
 SymmetricEigen symmetricEigen(glm::dmat3 m) {
   glm::dmat3 v(1.0);
@@ -62,4 +62,4 @@ DVec3 leastInBox(const Quadric& q, const DVec3& near, const DVec3& centre, doubl
   return near + way * share;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

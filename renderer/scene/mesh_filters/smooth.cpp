@@ -3,7 +3,7 @@
 
 #include "scene/mesh_filters/numbering.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 bool smoothPoints(std::vector<DVec3>& points, const PointGraph& graph, uint32_t passes, double step, double out, const StopToken& stop) {
   std::vector<DVec3> moved(points.size());
@@ -23,4 +23,4 @@ bool smoothPoints(std::vector<DVec3>& points, const PointGraph& graph, uint32_t 
   return true;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

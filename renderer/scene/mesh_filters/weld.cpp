@@ -6,7 +6,7 @@
 
 #include "scene/mesh_filters/numbering.h"
 
-namespace gobo {
+namespace gobo::inline scene {
 
 bool weld(const Mesh& mesh, const glm::dmat3& stretch, const StopToken& stop, WeldedMesh& out) {
   const size_t n = mesh.positions.size();
@@ -131,4 +131,4 @@ bool pointNormals(const WeldedMesh& mesh, const StopToken& stop, std::vector<DVe
   return true;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline scene

@@ -7,7 +7,7 @@
 #include "techniques/path_traced/trace_paths.h"
 #include "terms/path_trace.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 namespace {
 
@@ -41,4 +41,4 @@ const Technique& background() {
   return technique;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

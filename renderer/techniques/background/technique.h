@@ -6,8 +6,8 @@
 
 #include "technique/technique.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 const Technique& background();
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

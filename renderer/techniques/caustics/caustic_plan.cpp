@@ -6,7 +6,7 @@
 
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 // Photons have specular chains alone: the plan looks for nothing else.
 static_assert(!photonReaches(LightShape{}, Receiver::Surface, Passage::Boundary) && !photonReaches(LightShape{}, Receiver::Surface, Passage::Pane));
@@ -78,4 +78,4 @@ std::string causticNote(const CausticPlan& plan, uint32_t passes) {
   return note;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

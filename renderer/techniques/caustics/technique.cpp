@@ -6,7 +6,7 @@
 #include "techniques/path_traced/trace_paths.h"
 #include "terms/caustics.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 namespace {
 
@@ -49,4 +49,4 @@ const Technique& causticPhotons() {
   return technique;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

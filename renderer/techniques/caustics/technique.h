@@ -4,8 +4,8 @@
 
 #include "technique/technique.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 const Technique& causticPhotons();
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

@@ -3,7 +3,7 @@
 
 #include "filters/picture/chain.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 NodeId planFilteredVisibility(PlanContext& c, NodeId v, const std::string& light) {
   const std::string term = "visibility:" + light;
@@ -15,4 +15,4 @@ NodeId planFilteredVisibility(PlanContext& c, NodeId v, const std::string& light
   return addChain(c.graph(), v, chain, shape, term);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

@@ -10,7 +10,7 @@
 #include "techniques/path_traced/technique.h"
 #include "techniques/path_traced/trace_paths.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 namespace {
 
@@ -98,4 +98,4 @@ const Technique& directVisibility() {
   return technique;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

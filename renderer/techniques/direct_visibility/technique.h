@@ -5,8 +5,8 @@
 
 #include "technique/technique.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 const Technique& directVisibility();
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

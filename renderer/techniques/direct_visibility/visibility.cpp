@@ -12,7 +12,7 @@
 #include "filters/tinted_visibility.h"
 #include "request/expressions.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 namespace {
 
@@ -190,4 +190,4 @@ NodeId planUnoccluded(PlanContext& c, int light, const ScenePtr& scene, const Ve
                   transient);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

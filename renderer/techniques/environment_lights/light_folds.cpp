@@ -7,7 +7,7 @@
 #include "filters/shadow_technique.h"
 #include "techniques/direct_visibility/visibility.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 namespace {
 constexpr uint64_t kKeptBytes = uint64_t(256) << 20;
@@ -38,4 +38,4 @@ Status foldLights(PlanContext& c, const ScenePtr& extended, int first, const Vec
   return {};
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

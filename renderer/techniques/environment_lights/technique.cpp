@@ -12,7 +12,7 @@
 #include "terms/area_light_list.h"
 #include "terms/extract_lights.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 namespace {
 
@@ -120,4 +120,4 @@ const Technique& environmentLights() {
   return technique;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

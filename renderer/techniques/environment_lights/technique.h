@@ -5,8 +5,8 @@
 
 #include "technique/technique.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 const Technique& environmentLights();
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

@@ -6,7 +6,7 @@
 #include "techniques/path_traced/trace_paths.h"
 #include "trace/reach.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 namespace {
 
@@ -81,4 +81,4 @@ const Technique& clusterDifferences() {
   return technique;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

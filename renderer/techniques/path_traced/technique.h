@@ -5,10 +5,10 @@
 
 #include "technique/technique.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 const Technique& pathTraced();
 /// Edits of lights inside a cluster, as differences to what the cluster holds (request/effective_scene.h, gainChanges).
 const Technique& clusterDifferences();
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

@@ -10,7 +10,7 @@
 #include "trace/reach.h"
 #include "trace/sample_passes.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 namespace {
 
@@ -190,4 +190,4 @@ Status traceUnlit(PlanContext& c) {
   return addPathTrace(c, job);
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

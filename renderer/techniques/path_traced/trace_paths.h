@@ -9,7 +9,7 @@
 #include "technique/plan_context.h"
 #include "trace/path_tracer.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 /// Of the request: camera, size, bounces, seed. Groups are the caller's.
 PathTracerSettings pathTracerSettings(const PlanContext& context, PathClass cover);
@@ -26,4 +26,4 @@ Result<NodeId> traceSeen(PlanContext& context, int light, const Vec3& nominal, c
 /// What unlit surfaces show, which is no light's.
 Status traceUnlit(PlanContext& context);
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

@@ -8,7 +8,7 @@
 #include "techniques/subtractive/scene_lights.h"
 #include "techniques/subtractive/technique.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 namespace {
 
@@ -120,4 +120,4 @@ const Technique& subtractiveLights() {
   return technique;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

@@ -16,7 +16,7 @@
 #include "techniques/transfer/nodes.h"
 #include "techniques/transfer/split_lights.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 namespace {
 
@@ -156,4 +156,4 @@ const Technique& subtractiveShadows() {
   return technique;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

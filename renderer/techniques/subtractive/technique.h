@@ -12,9 +12,9 @@
 
 #include "technique/technique.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 const Technique& subtractiveShadows();
 const Technique& subtractiveLights();
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques

@@ -10,7 +10,7 @@
 #include "techniques/transfer/split_lights.h"
 #include "trace/surface.h"
 
-namespace gobo {
+namespace gobo::inline techniques {
 
 namespace {
 
@@ -132,4 +132,4 @@ const Technique& environmentTransfer() {
   return technique;
 }
 
-}  // namespace gobo
+}  // namespace gobo::inline techniques
