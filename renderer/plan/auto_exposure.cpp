@@ -14,12 +14,12 @@ constexpr double kMost = 32.0;                                             // to
 constexpr size_t kPixels = 65536;                                          // that are looked at: a logarithm of all would cost as much as a JPEG
 }  // namespace
 
-std::optional<ChosenExposure> chooseExposure(const Image& linear) {
+std::optional<ChosenExposure> chooseExposure(const PixelValues& linear) {
   double sum = 0.0;
   uint64_t n = 0;
   const size_t step = (linear.pixels() + kPixels - 1) / kPixels | 1;  // odd: goes through the columns of pictures of even width
   for (size_t p = 0; p < linear.pixels(); p += step) {
-    const float* v = linear.data.data() + p * size_t(linear.channels);
+    const float* v = linear.values.data() + p * size_t(linear.channels);
     const double y = linear.channels >= 3 ? double(luminance(Vec3(v[0], v[1], v[2]))) : double(v[0]);
     if (!(y > 0.0) || !std::isfinite(y)) continue;
     sum += std::log2(y);

@@ -453,7 +453,7 @@ void warnOfPhotometricLights(const Plan& plan, RenderResult& result) {
   if (!plan.effective.asInFile) return;
   for (const RenderedImage& image : result.images) {
     if (image.output != "beauty") continue;
-    if (const std::string warning = photometricWarning(image.image()); !warning.empty()) result.reply.add_warnings(warning);
+    if (const std::string warning = photometricWarning({image.pixels(), image.channels()}); !warning.empty()) result.reply.add_warnings(warning);
     return;
   }
 }
@@ -534,7 +534,7 @@ bool leavesExposure(const v1::RenderRequest& asked, const v1::RenderRequest& res
 void setExposure(RenderResult& result) {
   for (const RenderedImage& image : result.images) {
     if (findOutput(image.output)->kind != OutputKind::Radiance) continue;
-    const std::optional<ChosenExposure> chosen = chooseExposure(image.image());
+    const std::optional<ChosenExposure> chosen = chooseExposure({image.pixels(), image.channels()});
     if (!chosen) return;
     v1::RenderRequest& resolved = *result.reply.mutable_resolved();
     resolved.mutable_tone_map()->set_exposure(chosen->stops);

@@ -19,7 +19,7 @@ std::string droppedWarning(const std::string& output, const DroppedTotal& droppe
          " pixels had a part beyond what a 32-bit float holds and count as black";
 }
 
-std::string photometricWarning(const Image& beauty) {
+std::string photometricWarning(const PixelValues& beauty) {
   const std::optional<ChosenExposure> chosen = chooseExposure(beauty);
   if (!chosen || !(chosen->luminance > kFarTooBright)) return {};
   char text[80];

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "base/image.h"
+#include "plan/auto_exposure.h"
 #include "terms/dropped_samples.h"
 
 namespace gobo::inline plan {
@@ -14,7 +14,7 @@ namespace gobo::inline plan {
 std::string droppedWarning(const std::string& output, const DroppedTotal& dropped);
 /// Of a beauty whose lights are as the file has them: that it is so bright that their unit may be another one; empty where it is not. The mean is over pixels:
 /// where no part of a picture is too bright the whole is not, but for what auto_exposure.h leaves out of large ones.
-std::string photometricWarning(const Image& beauty);
+std::string photometricWarning(const PixelValues& beauty);
 /// Whether `warning` is one of those.
 bool isPhotometricWarning(const std::string& warning);
 

@@ -196,7 +196,7 @@ Result<RenderResult> FrameJoin::finish() {
   }
   for (const RenderedImage& image : result_.images) {
     if (!photometric_ || image.output != "beauty") continue;
-    if (const std::string warning = photometricWarning(image.image()); !warning.empty()) reply.add_warnings(warning);
+    if (const std::string warning = photometricWarning({image.pixels(), image.channels()}); !warning.empty()) reply.add_warnings(warning);
     break;
   }
   reply.set_request_hash(requestHash(reply.resolved()));
