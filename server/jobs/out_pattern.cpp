@@ -83,7 +83,7 @@ std::string outText(const std::vector<OutPiece>& pieces, const OutFile& file) {
   return path;
 }
 
-Status checkParts(const std::string& pattern, const std::string& path) {
+Status checkPathParts(const std::string& pattern, const std::string& path) {
   if (path.size() > kOutPathBytes) return badOut(pattern, strf("a path of %zu bytes: at most %zu", path.size(), kOutPathBytes));
   for (size_t begin = 0; begin <= path.size();) {
     const size_t end = std::min(path.find('/', begin), path.size());
@@ -113,7 +113,7 @@ Status checkOutPattern(const std::string& pattern) {
   if (std::any_of(pattern.begin(), pattern.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; })) return badOut(pattern, "has a control character");
   if (pattern[0] == '/') return badOut(pattern, "is absolute: must be relative, below jobs.out_folder");
   GOBO_ASSIGN(const std::vector<OutPiece> pieces, outPieces(pattern));
-  return checkParts(pattern, outText(pieces, {"name", "j-1", "output", "ext", 0}));
+  return checkPathParts(pattern, outText(pieces, {"name", "j-1", "output", "ext", 0}));
 }
 
 Status checkOutPaths(const v1::JobSpec& spec, const std::vector<int64_t>& frames, const StopToken& stop) {
@@ -150,7 +150,7 @@ Status checkOutPaths(const v1::JobSpec& spec, const std::vector<int64_t>& frames
   };
   GOBO_TRY(each([&](const std::string& path) {
     hashes.push_back(std::hash<std::string>()(path));
-    return checkParts(pattern, path);
+    return checkPathParts(pattern, path);
   }));
   std::sort(hashes.begin(), hashes.end());
   const auto twice = std::adjacent_find(hashes.begin(), hashes.end());
