@@ -12,7 +12,7 @@ static int64_t wallMicros() {
   return int64_t(std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count());
 }
 
-TermStore::TermStore(uint64_t maxBytes, std::unique_ptr<DiskStore> disk) : maxBytes_(maxBytes), disk_(std::move(disk)) {
+TermStore::TermStore(uint64_t maxBytes, std::unique_ptr<DiskStore> disk, double (*fresh)()) : maxBytes_(maxBytes), fresh_(fresh), disk_(std::move(disk)) {
   if (disk_)
     for (const StoredTerm& row : disk_->list())
       if (row.pinned) pins_.insert(row.key);
@@ -21,8 +21,8 @@ TermStore::~TermStore() = default;
 
 static std::string variantsOf(const TermNote& note) { return note.label + '\n' + note.scene; }
 
-static bool isCheap(const TermNote& note, uint64_t bytes) {
-  return !note.label.empty() && bytes >= TermStore::kCheapBytes && note.ms <= TermStore::kCheapMsPerMiB * double(bytes) / double(1 << 20);
+bool TermStore::isCheap(const TermNote& note, uint64_t bytes) const {
+  return !note.label.empty() && bytes >= kCheapBytes && note.ms <= cheapMsPerMiB(fresh_()) * double(bytes) / double(1 << 20);
 }
 
 void TermStore::boundVariants(Entry& added, std::vector<TermPtr>& gone) {

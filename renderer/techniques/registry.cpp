@@ -11,7 +11,7 @@
 #include "techniques/subtractive/technique.h"
 #include "techniques/transfer/technique.h"
 
-namespace gobo::inline techniques {
+namespace gobo::inline technique {  // that which technique.h declares
 
 std::span<const Technique* const> techniques() {
   static const std::array all{
@@ -21,4 +21,4 @@ std::span<const Technique* const> techniques() {
   return all;
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace gobo::inline technique

@@ -177,7 +177,7 @@ struct Measured {
 
 /// Mean radiance by slot over all pixels and `blocks` blocks of each. The error comes from the blocks of each pixel, each of
 /// a stream of its own: independent whatever the picture shows.
-inline Measured measure(const Traced& t, int blocks) {
+inline Measured estimate(const Traced& t, int blocks) {
   const auto tracer = t.tracer();
   const size_t slots = size_t(tracer->slots()), n = slots * 3, rows = size_t(t.settings.height);
   std::vector<std::vector<double>> sum(rows, std::vector<double>(n, 0.0)), variance = sum;

@@ -56,7 +56,7 @@ class EncodeNode : public Node {
     else floats = term->writable<float>("B");
     if (device_ && !z.empty()) {
       GOBO_CHECK(packed.layers == 1);
-      GOBO_TRY(deviceEncode(*device_, z, width, height, basis_->exponent(), weights, floats));
+      GOBO_TRY(deviceEncode(ResidentPlanes::of(device_), ctx.inputs[0], basis_->exponent(), weights, term));
       if (ctx.stop.stopRequested()) return Status(Code::Cancelled, "shadow_encode stopped");
       return TermPtr(term);
     }

@@ -52,26 +52,38 @@ std::span<const uint8_t> pushBytes(const T& push) {
 
 }  // namespace
 
-Status deviceEncode(ComputeDevice& device, std::span<const float> z, int width, int height, float c, std::span<const float> weights, std::span<float> e) {
-  GOBO_ASSIGN(const ComputeBufferPtr first, device.upload(z));
-  GOBO_ASSIGN(const ComputeBufferPtr second, device.buffer(z.size_bytes()));
-  GOBO_ASSIGN(const ComputeBufferPtr taps, device.upload(weights));
+Status deviceEncode(ResidentPlanes& on, const TermPtr& depth, float c, std::span<const float> weights, const std::shared_ptr<Term>& result) {
+  ComputeDevice& device = on.device();
+  const int width = depth->extent().width, height = depth->extent().height;
+  const std::span<float> e = result->writable<float>("B");
+  GOBO_ASSIGN(const ComputeBufferPtr z, on.get(depth, "z", 0, e.size()));
   const int radius = int(weights.size() / 2);
-  const EncodePush encode{uint32_t(z.size()), c};
-  const FilterPush rows{width, height, radius, 0}, columns{width, height, radius, 1};
-  std::vector<ComputeDispatch> passes{{&kEncode, {first, second}, pushBytes(encode), {}}};
-  setLinearGroups(passes[0], z.size(), 64);
-  if (radius > 0) {
-    const uint32_t gx = uint32_t(width + 15) / 16, gy = uint32_t(height + 15) / 16;
-    passes.push_back({&kFilter, {second, taps, first}, pushBytes(rows), {gx, gy, 1}});
-    passes.push_back({&kFilter, {first, taps, second}, pushBytes(columns), {gx, gy, 1}});
-  }
-  GOBO_TRY(device.run(passes));
-  return device.download(*second, e.data(), e.size_bytes());
+  const auto passes = [&]() -> Result<ComputeBufferPtr> {
+    GOBO_ASSIGN(const ComputeBufferPtr encoded, device.buffer(e.size_bytes()));
+    const EncodePush encode{uint32_t(e.size()), c};
+    const FilterPush rows{width, height, radius, 0}, columns{width, height, radius, 1};
+    std::vector<ComputeDispatch> passes{{&kEncode, {z, encoded}, pushBytes(encode), {}}};
+    setLinearGroups(passes[0], e.size(), 64);
+    if (radius > 0) {
+      GOBO_ASSIGN(const ComputeBufferPtr filtered, device.buffer(e.size_bytes()));
+      GOBO_ASSIGN(const ComputeBufferPtr taps, device.upload(weights));
+      const uint32_t gx = uint32_t(width + 15) / 16, gy = uint32_t(height + 15) / 16;
+      passes.push_back({&kFilter, {encoded, taps, filtered}, pushBytes(rows), {gx, gy, 1}});
+      passes.push_back({&kFilter, {filtered, taps, encoded}, pushBytes(columns), {gx, gy, 1}});
+    }
+    GOBO_TRY(device.run(passes));
+    GOBO_TRY(device.download(*encoded, e.data(), e.size_bytes()));
+    return encoded;
+  };
+  const Result<ComputeBufferPtr> encoded = passes();
+  if (!encoded.ok()) return on.checked(encoded.status());
+  on.adopt(result, "B", *encoded);
+  return {};
 }
 
-Status deviceLookup(ComputeDevice& device, const DeviceLookup& lookup, std::span<const float> map, std::span<const float> positions,
-                    std::span<const uint32_t> instances, std::span<float> visibility, const StopToken& stop) {
+Status deviceLookup(ResidentPlanes& on, const DeviceLookup& lookup, const TermPtr& map, const TermPtr& gbuffer, std::span<float> visibility,
+                    const StopToken& stop) {
+  ComputeDevice& device = on.device();
   const size_t total = visibility.size(), piece = std::min<size_t>(total, size_t(1) << 20);
   if (total == 0) return {};
   const LightFrame::Rows rows = lookup.frame.rows();
@@ -85,22 +97,21 @@ Status deviceLookup(ComputeDevice& device, const DeviceLookup& lookup, std::span
   for (int i = 0; i < 3; ++i) p.origin[i] = lookup.frame.origin[i];
   p.c = lookup.c;
   p.bias = lookup.bias;
-  p.width = lookup.width;
-  p.height = lookup.height;
-  GOBO_ASSIGN(const ComputeBufferPtr texels, device.upload(map));
-  GOBO_ASSIGN(const ComputeBufferPtr points, device.buffer(piece * 12));
-  GOBO_ASSIGN(const ComputeBufferPtr surfaces, device.buffer(piece * 4));
-  GOBO_ASSIGN(const ComputeBufferPtr result, device.buffer(piece * 4));
+  p.width = map->extent().width;
+  p.height = map->extent().height;
+  GOBO_ASSIGN(const ComputeBufferPtr texels, on.get(map, "B", 0, map->floats("B").size()));
+  Result<ComputeBufferPtr> result = device.buffer(piece * 4);
+  if (!result.ok()) return on.checked(result.status());
   for (size_t begin = 0; begin < total; begin += piece) {
     if (stop.stopRequested()) return {Code::Cancelled, "shadow_lookup stopped"};
     const size_t n = std::min(piece, total - begin);
     p.count = uint32_t(n);
-    GOBO_TRY(device.upload(*points, &positions[3 * begin], n * 12));
-    GOBO_TRY(device.upload(*surfaces, &instances[begin], n * 4));
-    ComputeDispatch d{&kLookup, {texels, points, surfaces, result}, pushBytes(p), {}};
+    GOBO_ASSIGN(const ComputeBufferPtr points, on.get(gbuffer, "P", begin, n));
+    GOBO_ASSIGN(const ComputeBufferPtr surfaces, on.get(gbuffer, "instance", begin, n));
+    ComputeDispatch d{&kLookup, {texels, points, surfaces, *result}, pushBytes(p), {}};
     setLinearGroups(d, n, 64);
-    GOBO_TRY(device.run({&d, 1}));
-    GOBO_TRY(device.download(*result, &visibility[begin], n * 4));
+    GOBO_TRY(on.checked(device.run({&d, 1})));
+    GOBO_TRY(on.checked(device.download(**result, &visibility[begin], n * 4)));
   }
   return {};
 }

@@ -6,22 +6,21 @@
 #include <span>
 
 #include "base/stop.h"
-#include "device/compute_device.h"
+#include "filters/resident_planes.h"
 #include "filters/shadow_map/light_frame.h"
 
 namespace gobo::inline filters {
 
-/// e (width x height) from z: encode, filter rows, filter columns. Errors: those of ComputeDevice.
-Status deviceEncode(ComputeDevice& device, std::span<const float> z, int width, int height, float c, std::span<const float> weights, std::span<float> e);
+/// Plane B of `result` from plane z of `depth`: encode, filter rows, filter columns. B stays on the device for the lookup. Errors: those of ComputeDevice.
+Status deviceEncode(ResidentPlanes& on, const TermPtr& depth, float c, std::span<const float> weights, const std::shared_ptr<Term>& result);
 
-/// V of the receivers (positions 3 floats each, instance ~0u means no surface) from a filtered map, in pieces of 2^20 receivers, between which
-/// `stop` is polled (Cancelled).
+/// V of the receivers (planes P and instance of `gbuffer`, ~0u means no surface) from a filtered map's plane B, in pieces of 2^20 receivers, between which
+/// `stop` is polled (Cancelled). Map and receivers are uploaded where they are not on the device already.
 struct DeviceLookup {
   LightFrame frame;
   float c, bias;
-  int width, height;
 };
-Status deviceLookup(ComputeDevice& device, const DeviceLookup& lookup, std::span<const float> map, std::span<const float> positions,
-                    std::span<const uint32_t> instances, std::span<float> visibility, const StopToken& stop);
+Status deviceLookup(ResidentPlanes& on, const DeviceLookup& lookup, const TermPtr& map, const TermPtr& gbuffer, std::span<float> visibility,
+                    const StopToken& stop);
 
 }  // namespace gobo::inline filters

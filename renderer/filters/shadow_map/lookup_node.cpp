@@ -55,8 +55,7 @@ class LookupNode : public Node {
       return TermPtr(term);
     }
     if (device_) {
-      GOBO_TRY(deviceLookup(*device_, {l_.frames.face[0], basis_->exponent(), l_.map.bias, map.extent().width, map.extent().height}, map.floats("B"),
-                            gbuffer.floats("P"), gbuffer.plane<uint32_t>("instance"), V, ctx.stop));
+      GOBO_TRY(deviceLookup(ResidentPlanes::of(device_), {l_.frames.face[0], basis_->exponent(), l_.map.bias}, ctx.inputs[1], ctx.inputs[0], V, ctx.stop));
       return TermPtr(term);
     }
     const Receivers receivers(gbuffer, l_.frames, l_.map.resolution, l_.view, needs());

@@ -46,7 +46,7 @@ double seen(LightKind kind, bool visible, const std::function<void(SceneMaker&)>
   m.camera(Vec3(0.0f), Vec3(0, 0, -4), 0.2f);
   Traced t(m.finish());
   t.settings.maxBounces = bounces;
-  return measure(t, 8)[0].mean.x;
+  return estimate(t, 8)[0].mean.x;
 }
 
 constexpr LightKind kArea[] = {LightKind::Rect, LightKind::Disk, LightKind::Sphere};
@@ -83,7 +83,7 @@ TEST(HiddenLight, MirrorsShowIt) {
       m.light(lamp(kind, Vec3(0, 0, 3), Vec3(0, 0, -1), 1.0f), Vec3(1.0f), visible);
       m.camera(Vec3(0.0f), Vec3(0, 0, -4), 0.1f);
       Traced t(m.finish());
-      EXPECT_NEAR(measure(t, 4)[0].mean.x, 0.5, 0.01) << int(kind);
+      EXPECT_NEAR(estimate(t, 4)[0].mean.x, 0.5, 0.01) << int(kind);
     }
 }
 

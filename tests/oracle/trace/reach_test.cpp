@@ -198,7 +198,7 @@ TEST_P(Reach, PathTracingAgreesWithLightTracingOrTheClassIsNamed) {
     SCOPED_TRACE(kind.name);
     const Stage stage(barrier, kind);
     const int spread = kind == LightKind::Sphere || kind == LightKind::Environment ? 2 : 1;  // most of their particles go elsewhere
-    const Estimate truth = stage.forwards(kind, 512 * spread * (barrier.effort > 2 ? 4 : 2)), picture = measure(*stage.traced, 8 * barrier.effort)[0];
+    const Estimate truth = stage.forwards(kind, 512 * spread * (barrier.effort > 2 ? 4 : 2)), picture = estimate(*stage.traced, 8 * barrier.effort)[0];
     const double t = truth.mean.x, p = picture.mean.x, error = std::hypot(truth.error.x, picture.error.x);
     const std::vector<std::string> missing = classesNotCovered(*stage.traced->scene);
     EXPECT_GT(t, 0.0);
@@ -218,7 +218,7 @@ TEST_P(Reach, HiddenLampsLightAsVisibleOnesDo) {
     if (!canHide(kind)) continue;
     SCOPED_TRACE(kind.name);
     const Stage hidden(GetParam(), kind, false), visible(GetParam(), kind, true);
-    const Measured a = measure(*hidden.traced, 2), b = measure(*visible.traced, 2);
+    const Measured a = estimate(*hidden.traced, 2), b = estimate(*visible.traced, 2);
     EXPECT_GT(b[0].mean.x, 0.0);
     EXPECT_EQ(a[0].mean, b[0].mean);
     EXPECT_EQ(a.rays, b.rays);
@@ -234,7 +234,7 @@ TEST_P(Reach, PhotonsBringWhatIsLeftToThem) {
     SCOPED_TRACE(kind.name);
     const Stage stage(barrier, kind);
     EXPECT_TRUE(classesNotCovered(*stage.traced->scene, true).empty());
-    const Estimate truth = stage.forwards(kind, 1024), rays = measure(*stage.traced, 4 * barrier.effort)[0];
+    const Estimate truth = stage.forwards(kind, 1024), rays = estimate(*stage.traced, 4 * barrier.effort)[0];
     CausticSettings s;
     s.path = stage.traced->settings;
     s.path.blockSize = 2;

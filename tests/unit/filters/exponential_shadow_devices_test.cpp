@@ -2,11 +2,13 @@
 // Encode and lookup give the same visibility on the cpu and on the Vulkan and EGL devices (lavapipe, llvmpipe in CI), within 1e-4.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "device/egl/egl_device.h"
 #include "device/vulkan/vulkan_device.h"
+#include "filters/resident_planes.h"
 #include "unit/filters/shadow_map_cases.h"
 
 namespace {
@@ -112,6 +114,108 @@ TEST_P(ExponentialShadowDevices, DegenerateMaps) {
   EXPECT_EQ(one->floats("V")[1], 1.0f);
   const TermPtr none = lookup(g, encode(depthMap(0, 0, [](int, int) { return 0.0f; }), 60.0f, 2, 2, device), l, 2, device);
   EXPECT_EQ(none->floats("V")[0], 1.0f);
+}
+
+std::vector<float> downloaded(ComputeDevice& device, const ComputeBufferPtr& buffer, size_t count) {
+  std::vector<float> out(count);
+  EXPECT_TRUE(device.download(*buffer, out.data(), count * sizeof(float)).ok());
+  return out;
+}
+
+std::shared_ptr<Term> numbered(int count, float from) {
+  const auto term = std::make_shared<Term>("t", Domain::ViewSample, Extent{count, 1, 1});
+  const auto v = term->addPlane<float>("v", 3);
+  for (size_t i = 0; i < v.size(); ++i) v[i] = from + float(i);
+  return term;
+}
+
+TEST_P(ExponentialShadowDevices, AChainOfKernelsUploadsWhatItDoesNotHave) {
+  const ComputeDevicePtr device = this->device();
+  ASSERT_TRUE(device);
+  ResidentPlanes& on = ResidentPlanes::of(device);
+  on.clear();
+  std::vector<Vec3> points;
+  for (int i = 0; i < 5000; ++i) points.push_back(Vec3(random01(1, i), random01(2, i), random01(3, i)));
+  const TermPtr g = receivers(points);
+  const auto depth = [&](float z) { return depthMap(64, 64, [&](int x, int y) { return z + 0.1f * random01(4, uint64_t(y * 64 + x)); }); };
+  const TermPtr first = depth(0.3f), second = depth(0.5f);
+  const ExponentialCase l{unitFrame(), 60.0f, 0.001f};
+  const uint64_t begin = on.uploaded();
+  const TermPtr map = encode(first, 60.0f, 2, 2, device);
+  EXPECT_EQ(on.uploaded() - begin, 64u * 64 * 4) << "the depth map";
+  const TermPtr V = lookup(g, map, l, 2, device);
+  EXPECT_EQ(on.uploaded() - begin, 64u * 64 * 4 + 5000 * 16) << "places and ids; the encoded map was there";
+  const TermPtr softer = encode(first, 40.0f, 4, 2, device);
+  EXPECT_EQ(on.uploaded() - begin, 64u * 64 * 4 + 5000 * 16) << "other exponents of the same depth";
+  const TermPtr moved = lookup(g, encode(second, 60.0f, 2, 2, device), l, 2, device);
+  EXPECT_EQ(on.uploaded() - begin, 2 * 64u * 64 * 4 + 5000 * 16) << "a light that moved: its depth alone";
+  // Bits do not depend on what was there.
+  const auto same = [](const TermPtr& a, const TermPtr& b, const char* plane) { return std::ranges::equal(a->floats(plane), b->floats(plane)); };
+  const TermPtr W = lookup(g, map, l, 2, device);
+  EXPECT_TRUE(same(V, W, "V"));
+  on.clear();
+  const TermPtr cold = encode(first, 60.0f, 2, 2, device);
+  EXPECT_TRUE(same(map, cold, "B"));
+  on.clear();
+  EXPECT_TRUE(same(V, lookup(g, cold, l, 2, device), "V"));
+  EXPECT_FALSE(same(V, moved, "V"));
+}
+
+TEST_P(ExponentialShadowDevices, ResidentPlanesAreTheirTermsAndGoWithThem) {
+  const ComputeDevicePtr device = this->device();
+  ASSERT_TRUE(device);
+  ResidentPlanes on(device, 4000);
+  auto a = numbered(100, 0.0f);  // 1200 bytes
+  const auto whole = on.get(a, "v", 0, 100);
+  ASSERT_TRUE(whole.ok());
+  EXPECT_EQ(downloaded(*device, *whole, 300)[299], 299.0f);
+  EXPECT_EQ(on.get(a, "v", 0, 100)->get(), whole->get());
+  EXPECT_EQ(on.get(a, "v", 0, 60)->get(), whole->get()) << "its beginning";
+  EXPECT_EQ(on.uploaded(), 1200u);
+  const auto part = on.get(a, "v", 40, 10);
+  ASSERT_TRUE(part.ok());
+  EXPECT_EQ(downloaded(*device, *part, 30)[0], 120.0f);
+  EXPECT_EQ(on.uploaded(), 1320u);
+  EXPECT_EQ(on.bytes(), 1320u);
+  // Another term at the same address is another term.
+  const Term* const address = a.get();
+  a.reset();
+  for (int k = 0; k < 64; ++k) {
+    const auto b = numbered(100, 1000.0f);
+    const auto of = on.get(b, "v", 0, 100);
+    ASSERT_TRUE(of.ok());
+    EXPECT_EQ(downloaded(*device, *of, 1)[0], 1000.0f) << (b.get() == address ? "where the first one was" : "elsewhere");
+    EXPECT_EQ(on.bytes(), 1200u) << "those that are gone hold nothing";
+  }
+  // Beyond the bound the least recently used goes; what is larger than all of it does not stay.
+  const auto x = numbered(100, 1.0f), y = numbered(100, 2.0f), z = numbered(100, 3.0f), w = numbered(100, 4.0f), large = numbered(400, 5.0f);
+  for (const auto& t : {x, y, z}) ASSERT_TRUE(on.get(t, "v", 0, 100).ok());
+  ASSERT_TRUE(on.get(x, "v", 0, 100).ok());
+  ASSERT_TRUE(on.get(w, "v", 0, 100).ok());
+  const uint64_t before = on.uploaded();
+  ASSERT_TRUE(on.get(x, "v", 0, 100).ok());
+  EXPECT_EQ(on.uploaded(), before);
+  ASSERT_TRUE(on.get(y, "v", 0, 100).ok());
+  EXPECT_EQ(on.uploaded(), before + 1200);
+  EXPECT_EQ(on.bytes(), 3600u);
+  ASSERT_TRUE(on.get(large, "v", 0, 400).ok());
+  EXPECT_EQ(on.bytes(), 3600u);
+  // A device that failed may have lost everything.
+  EXPECT_FALSE(on.checked(Status(Code::Unavailable, "lost")).ok());
+  EXPECT_EQ(on.bytes(), 0u);
+}
+
+TEST_P(ExponentialShadowDevices, AdoptedPlanesAreNotUploaded) {
+  const ComputeDevicePtr device = this->device();
+  ASSERT_TRUE(device);
+  ResidentPlanes on(device);
+  const auto term = numbered(10, 0.0f);
+  const std::vector<float> other(30, 7.0f);
+  const auto buffer = device->upload(std::span<const float>(other));
+  ASSERT_TRUE(buffer.ok());
+  on.adopt(term, "v", *buffer);
+  EXPECT_EQ(on.get(term, "v", 0, 10)->get(), buffer->get());
+  EXPECT_EQ(on.uploaded(), 0u);
 }
 
 }  // namespace

@@ -173,7 +173,7 @@ Estimate seen(bool cull, const std::function<void(SceneMaker&)>& between, const 
   between(m);
   m.camera(from, to, 0.02f);
   m.scene.cameras[0].cullBackFaces = cull;
-  return measure(Traced(m.finish()), 4)[0];
+  return estimate(Traced(m.finish()), 4)[0];
 }
 void pane(SceneMaker& m, float ior, float thickness) {
   const int glass = m.material(Vec3(1.0f), [=](Material& x) {
@@ -222,7 +222,7 @@ TEST(BackFaces, LightMeetsThemAllTheSame) {
     m.scene.cameras[0].cullBackFaces = cull;
     Traced t(m.finish());
     t.settings.maxBounces = 0;
-    return measure(t, 4)[0];
+    return estimate(t, 4)[0];
   };
   expectNear(floorSeen(true, false), DVec3(2.0 * 0.5 / M_PI), 1e-5);
   expectNear(floorSeen(true, true), DVec3(0.0));
@@ -242,7 +242,7 @@ TEST(BackFaces, ARoomFromOutsideIsTheRoomFromInside) {
     m.scene.cameras[0].perspective = false;
     m.scene.cameras[0].yheight = 1.6f;
     m.scene.cameras[0].cullBackFaces = cull;
-    return measure(Traced(m.finish()), 8)[0];
+    return estimate(Traced(m.finish()), 8)[0];
   };
   const Estimate inside = room(0.99f, false), outside = room(4.0f, true), closed = room(4.0f, false);
   expectSame(outside, inside);

@@ -250,7 +250,7 @@ TEST(Caustics, PathTracerAgreesWithASmallLight) {
   area.settings.maxBounces = 2;
   area.settings.rouletteStart = 64;
   area.settings.cover = PathClass::Indirect;
-  const Measured truth = measure(area, 160);
+  const Measured truth = estimate(area, 160);
   const DVec3 got = point.mean(8);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(got[c], truth[0].mean[c], 0.02 * truth[0].mean[c] + 3 * truth[0].error[c]) << "error " << truth[0].error[c];
   EXPECT_LT(truth[0].error.x, 0.015 * truth[0].mean.x);
@@ -284,7 +284,7 @@ TEST(Caustics, LeaningNormalsAreAdjoint) {
   area.settings.maxBounces = 1;
   area.settings.rouletteStart = 64;
   area.settings.cover = PathClass::Indirect;
-  const Measured truth = measure(area, 120);
+  const Measured truth = estimate(area, 120);
   EXPECT_NEAR(point.mean(6).x, truth[0].mean.x, 0.03 * truth[0].mean.x + 3 * truth[0].error.x) << "error " << truth[0].error.x;
   EXPECT_LT(truth[0].error.x, 0.06 * truth[0].mean.x);
 }

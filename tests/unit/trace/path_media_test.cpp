@@ -49,7 +49,7 @@ TEST(PathMedia, AbsorbingGlassSlabIsTheSeriesOfItsReflections) {
   const double F = 0.04;
   const DVec3 tau = power(colour, d);
   const DVec3 truth = (1 - F) * (1 - F) * tau / (DVec3(1.0) - F * F * tau * tau);
-  const Measured e = measure(t, 64);
+  const Measured e = estimate(t, 64);
   expectNear(e[0], truth, 2e-4);
   EXPECT_EQ(e.dropped, 0u);
 }
@@ -63,7 +63,7 @@ TEST(PathMedia, ClosedClearGlassOfAnyKindVanishesInAWhiteRoom) {
       m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.3f);
       Traced t(m.finish());
       t.settings.maxBounces = 64;
-      expectNear(measure(t, 16)[0], DVec3(1.0), 3e-3);  // smooth normals of a mesh cut a little at grazing angles
+      expectNear(estimate(t, 16)[0], DVec3(1.0), 3e-3);  // smooth normals of a mesh cut a little at grazing angles
     }
 }
 
@@ -78,7 +78,7 @@ TEST(PathMedia, VolumesThatOverlapOrAreNested) {
     Traced t(m.finish());
     t.settings.maxBounces = 12;
     t.settings.rouletteStart = 100;
-    return measure(t, 2)[0];
+    return estimate(t, 2)[0];
   };
   expectNear(through(1, 4, -4, -1), power(a, 3) * power(b, 3), 1e-5);  // apart
   expectNear(through(-3, 3, -1, 1), power(a, 4) * power(b, 2), 1e-5);  // B inside A
@@ -96,7 +96,7 @@ TEST(PathMedia, LiquidInGlassHasNoBoundaryOfItsOwnWhereTheIndexIsTheSame) {
   t.settings.maxBounces = 60;
   t.settings.rouletteStart = 200;
   const double F = 0.04;
-  expectNear(measure(t, 64)[0], DVec3((1 - F) * (1 - F) / (1 - F * F)), 2e-4);
+  expectNear(estimate(t, 64)[0], DVec3((1 - F) * (1 - F) / (1 - F * F)), 2e-4);
 }
 
 TEST(PathMedia, CameraAndLampInsideAMedium) {
@@ -113,7 +113,7 @@ TEST(PathMedia, CameraAndLampInsideAMedium) {
   EXPECT_TRUE(volumesAround(SceneView(*scene, kPathTracerFacets, {}), Vec3(0, 10, 0)).empty());
   Traced t(scene);
   t.settings.cover = PathClass::Direct;
-  expectNear(measure(t, 4)[0], 0.5 / M_PI * 10.0 / 16.0 * power(colour, 7.0 / 2.0), 1e-4);  // 4 m from the lamp, 3 m to the camera
+  expectNear(estimate(t, 4)[0], 0.5 / M_PI * 10.0 / 16.0 * power(colour, 7.0 / 2.0), 1e-4);  // 4 m from the lamp, 3 m to the camera
 }
 
 TEST(PathMedia, PrismSendsEachChannelItsOwnWay) {
@@ -149,7 +149,7 @@ TEST(PathMedia, PrismSendsEachChannelItsOwnWay) {
     t.settings.rouletteStart = 100;
     DVec3 truth(0.0);
     truth[lit] = (1 - fresnel(1.0, 1.0, index[lit])) * (1 - fresnel(std::cos(apex), index[lit], 1.0));
-    const Measured e = measure(t, 64);
+    const Measured e = estimate(t, 64);
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(e[0].mean[c], truth[c], 4.5 * e[0].error[c] + 1e-3) << "lamp " << lit << " channel " << c;
   }
 }
@@ -232,7 +232,7 @@ TEST(PathMedia, ScatteringHalfSpaceHasTheAlbedoOfTheHFunction) {
   m.camera(Vec3(0, 5, 0), Vec3(0.0f), 1e-4f);
   Traced t(m.finish());
   t.settings.maxBounces = 4;
-  const Measured e = measure(t, 32);
+  const Measured e = estimate(t, 32);
   DVec3 truth;
   for (int c = 0; c < 3; ++c) {
     const double a = singleScatteringAlbedo(multiple[c], 0.0f);
@@ -257,7 +257,7 @@ TEST(PathMedia, WhiteScatteringLosesNothing) {
     m.camera(Vec3(1, 1.5f, 4), Vec3(0.0f), 0.3f);
     Traced t(m.finish(), 4, 4);
     t.settings.maxBounces = 8;
-    const Measured e = measure(t, 32);
+    const Measured e = estimate(t, 32);
     expectNear(e[0], DVec3(1.0), 2e-3);
     EXPECT_LT(e[0].error.x, 0.02);
   }
@@ -282,7 +282,7 @@ TEST(PathMedia, HazeScattersPunctualLightTowardsTheCamera) {
       Traced t(m.finish());
       t.settings.split = SplitMode::DirectIndirect;
       t.settings.maxBounces = 6;
-      const Measured e = measure(t, 96);
+      const Measured e = estimate(t, 96);
       const double cosine = -double(sun.axis.y), a = singleScatteringAlbedo(0.2f, g), c = -cosine;  // sun travels down at `axis`, towards the camera is up
       const double phase = (1 - double(g) * g) / (4 * M_PI * std::pow(1 + double(g) * g - 2 * double(g) * c, 1.5));
       const double k = sigma * (1 + 1 / cosine);
@@ -380,7 +380,7 @@ TEST(PathMedia, SampledLightsInVolumesAgreeWithWhatRaysHit) {
     m.camera(Vec3(0, 0.5f, 6), Vec3(0.0f), 0.5f);
     Traced t(m.finish(), 8, 8);
     t.settings.maxBounces = 6;
-    const Measured sampled = measure(t, 16);
+    const Measured sampled = estimate(t, 16);
     t.settings.seed = 99;
     const Estimate hit = hitOnly(t, 24);
     SCOPED_TRACE(std::string(c.kind) + (c.inside ? " inside" : " outside") + " index " + std::to_string(c.ior));
@@ -406,7 +406,7 @@ TEST(PathMedia, ASmallLampInHazeIsAsQuietAsAPoint) {
       Traced t(m.finish(), 8, 8);
       t.settings.cover = PathClass::Indirect;
       t.settings.maxBounces = 4;
-      const Measured e = measure(t, 24);
+      const Measured e = estimate(t, 24);
       mean[point] = e[0].mean;
       error[point] = e[0].error;
       if (point) continue;
@@ -427,7 +427,7 @@ TEST(PathMedia, HazeInAWhiteRoomIsInvisible) {
     m.environment(constantEnvironment(Vec3(1.0f)));
     m.camera(Vec3(0, 1, 6), Vec3(0.0f), 0.5f);
     Traced t(m.finish(), 4, 4);
-    const Measured e = measure(t, 24);
+    const Measured e = estimate(t, 24);
     expectNear(e[0], DVec3(1.0), 1e-3);
     EXPECT_LT(e[0].error.x, 0.02);
   }
@@ -448,7 +448,7 @@ TEST(PathMedia, WhiteWaxLosesNothing) {
   m.environment(constantEnvironment(Vec3(1.0f)));
   m.camera(Vec3(1, 1.5f, 4), Vec3(0.0f), 0.3f);
   Traced t(m.finish(), 4, 4);
-  const Measured e = measure(t, 16);
+  const Measured e = estimate(t, 16);
   expectNear(e[0], DVec3(1.0), 2e-3);
   EXPECT_LT(e[0].error.x, 0.02);
 }
@@ -471,7 +471,7 @@ TEST(PathMedia, ThinLeafPassesLightFromBehind) {
     Traced t(m.finish());
     t.settings.cover = PathClass::Direct;
     t.settings.behindOnly = behindOnly;
-    expectNear(measure(t, 4)[0], DVec3(0.8f, 0.9f, 0.1f) * (0.4 * 2.0 / M_PI * double(sun.axis.y)), 1e-4);
+    expectNear(estimate(t, 4)[0], DVec3(0.8f, 0.9f, 0.1f) * (0.4 * 2.0 / M_PI * double(sun.axis.y)), 1e-4);
   }
 }
 
@@ -498,7 +498,7 @@ TEST(PathMedia, SplitsAddUpInVolumes) {
     const SplitMode modes[] = {SplitMode::Combined, SplitMode::DirectIndirect, SplitMode::ByLobe, SplitMode::ByBounce};
     for (int k = 0; k < 4; ++k) {
       t.settings.split = modes[k];
-      const Measured e = measure(t, 4);
+      const Measured e = estimate(t, 4);
       total[k] = DVec3(0.0);
       for (const Estimate& s : e.slots) total[k] += s.mean;
       for (int c = 0; c < 3; ++c) EXPECT_NEAR(total[k][c], total[0][c], 1e-6 * total[0][c]) << k;
@@ -506,7 +506,7 @@ TEST(PathMedia, SplitsAddUpInVolumes) {
     EXPECT_GT(total[0].x, 0.05);
     t.settings.split = SplitMode::Combined;
     for (Vec3& n : t.settings.nominal) n *= 2.0f;
-    const Measured twice = measure(t, 4);
+    const Measured twice = estimate(t, 4);
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(twice[0].mean[c] + twice[1].mean[c], 2 * total[0][c], 1e-5 * total[0][c]);
   }
 }
@@ -530,7 +530,7 @@ TEST(PathMedia, UnlitShowsToTheCameraAndInMirrorsButLightsNothing) {
     Traced t(m.finish());
     t.settings.split = SplitMode::DirectIndirect;
     t.settings.unlit = show;
-    return measure(t, 4);
+    return estimate(t, 4);
   };
   const DVec3 p(paint);
   const Measured straight = look(Vec3(0, 3, -8), true), mirrored = look(Vec3(0, 0, 2), true), lambert = look(Vec3(0, 0.5f, 0), true),

@@ -77,7 +77,7 @@ TEST(PathTracerCases, MaskedTexelsLetCameraAndShadowRaysThrough) {
     m.light(sun, Vec3(2.0f));
     m.camera(Vec3(clear ? -0.5f : 0.5f, 3, 0), Vec3(clear ? -0.5f : 0.5f, 0, 0), 1e-4f);
     Traced t(m.finish());
-    expectNear(measure(t, 4)[0], DVec3(clear ? 2.0 * 0.5 / M_PI : 0.0), 1e-5);
+    expectNear(estimate(t, 4)[0], DVec3(clear ? 2.0 * 0.5 / M_PI : 0.0), 1e-5);
   }
 }
 
@@ -95,7 +95,7 @@ TEST(PathTracerCases, BlendedSheetsPassTheirShareOfLight) {
   m.camera(Vec3(0, 3, 0), Vec3(0.0f), 0.5f);
   Traced t(m.finish());
   const double cosine = -double(glm::normalize(Vec3(0.2f, -1, 0)).y);
-  expectNear(measure(t, 128)[0], DVec3(0.75 * 0.75 * 2.0 * 0.5 / M_PI * cosine), 1e-3);  // once for the camera ray, once for the shadow ray
+  expectNear(estimate(t, 128)[0], DVec3(0.75 * 0.75 * 2.0 * 0.5 / M_PI * cosine), 1e-3);  // once for the camera ray, once for the shadow ray
 }
 
 TEST(PathTracerCases, WhiteGlassAndMirrorSpheresVanishInAWhiteRoom) {
@@ -116,7 +116,7 @@ TEST(PathTracerCases, WhiteGlassAndMirrorSpheresVanishInAWhiteRoom) {
     m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.3f);
     Traced t(m.finish());
     t.settings.maxBounces = 64;
-    const Measured e = measure(t, 16);
+    const Measured e = estimate(t, 16);
     expectNear(e[0], DVec3(1.0), 2e-3);  // smooth normals of a mesh cut a little at grazing angles
     EXPECT_EQ(e.dropped, 0u);
   }
@@ -133,7 +133,7 @@ TEST(PathTracerCases, RoughMetalNeverMakesEnergy) {
     m.environment(constantEnvironment(Vec3(1.0f)));
     m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.3f);
     Traced t(m.finish());
-    const Measured e = measure(t, 32);
+    const Measured e = estimate(t, 32);
     EXPECT_LT(e[0].mean.x, 1.0 + 4.5 * e[0].error.x + 1e-4) << roughness;
     EXPECT_GT(e[0].mean.x, 0.985) << roughness;
   }
@@ -146,7 +146,7 @@ TEST(PathTracerCases, RoughMetalNeverMakesEnergy) {
   m.environment(constantEnvironment(Vec3(1.0f)));
   m.camera(Vec3(0, 4, 0), Vec3(0.0f), 1e-3f);
   Traced t(m.finish());
-  expectNear(measure(t, 64)[0], DVec3(1.0), 5e-3);
+  expectNear(estimate(t, 64)[0], DVec3(1.0), 5e-3);
 }
 
 TEST(PathTracerCases, ADeltaFirstEventIsIndirect) {
@@ -160,17 +160,17 @@ TEST(PathTracerCases, ADeltaFirstEventIsIndirect) {
   m.camera(Vec3(0, 3, 3), Vec3(0.0f), 0.1f);
   Traced t(m.finish());
   t.settings.split = SplitMode::DirectIndirect;
-  Measured e = measure(t, 4);
+  Measured e = estimate(t, 4);
   expectNear(e[0], DVec3(0.0));
   expectNear(e[1], DVec3(0.0));
   expectNear(e[2], DVec3(1.0));
   t.settings.split = SplitMode::ByLobe;
-  e = measure(t, 4);
+  e = estimate(t, 4);
   expectNear(e[3], DVec3(0.0));
   expectNear(e[4], DVec3(1.0));
   t.settings.split = SplitMode::Combined;
   t.settings.cover = PathClass::Direct;
-  expectNear(measure(t, 4)[0], DVec3(0.0));
+  expectNear(estimate(t, 4)[0], DVec3(0.0));
 }
 
 TEST(PathTracerCases, LobesOfTheFirstEventSeparateDiffuseFromSpecular) {
@@ -191,7 +191,7 @@ TEST(PathTracerCases, LobesOfTheFirstEventSeparateDiffuseFromSpecular) {
   };
   Traced both(scene(1.0f, 0.5f)), gloss(scene(1.0f, 0.0f));
   both.settings.split = gloss.settings.split = SplitMode::ByLobe;
-  const Measured a = measure(both, 64), b = measure(gloss, 64);
+  const Measured a = estimate(both, 64), b = estimate(gloss, 64);
   expectSame(a[2], b[2], 1e-4);  // the specular lobe of a dielectric does not know the albedo
   EXPECT_GT(a[1].mean.x, 0.01);
   expectNear(b[1], DVec3(0.0));
@@ -208,7 +208,7 @@ TEST(PathTracerCases, SingleSidedEmittersShineFromTheirFrontOnlyAlsoWhenMirrored
       m.instance(m.mesh(ground(5.0f), lamp), mirrored ? scaling(Vec3(-1, 1, 1)) : Mat4(1.0f));
       m.camera(Vec3(0, above ? 3.0f : -3.0f, 0.5f), Vec3(0.0f), 0.2f);
       Traced t(m.finish());
-      expectNear(measure(t, 2)[0], DVec3(above ? 2.0 : 0.0));
+      expectNear(estimate(t, 2)[0], DVec3(above ? 2.0 : 0.0));
     }
 }
 
@@ -224,7 +224,7 @@ TEST(PathTracerCases, LightsThatTheCameraMayNotSeeStillLight) {
     m.camera(Vec3(0, 5, 0), Vec3(0.0f), 1e-4f);
     Traced t(m.finish());
     t.settings.split = SplitMode::DirectIndirect;
-    const Measured e = measure(t, 16);
+    const Measured e = estimate(t, 16);
     expectNear(e[0], DVec3(visible ? 3.0 : 0.0));
     expectNear(e[1], DVec3(0.5 * 3.0 * 0.25 / 4.0), 1e-4);
   }
@@ -238,7 +238,7 @@ TEST(PathTracerCases, NoLightLeaksIntoAClosedBoxAtAnyScale) {
     m.environment(constantEnvironment(Vec3(1e6f)));
     m.camera(Vec3(0.3f, 0.2f, 0.1f) * s, Vec3(1, 0.4f, 0.2f) * s, 2.0f);
     Traced t(m.finish());
-    EXPECT_EQ(measure(t, 32)[0].mean, DVec3(0.0)) << s;
+    EXPECT_EQ(estimate(t, 32)[0].mean, DVec3(0.0)) << s;
   }
 }
 
@@ -260,7 +260,7 @@ TEST(PathTracerCases, NeedlesOfAspectAMillion) {
   m.camera(Vec3(0, 3, 0), Vec3(0.0f), 0.005f);
   Traced t(m.finish());
   const double cosine = -double(sun.axis.y);
-  const Measured e = measure(t, 8);
+  const Measured e = estimate(t, 8);
   expectNear(e[0], DVec3(2.0 * double(0.6f) / M_PI * cosine), 1e-3);
   EXPECT_EQ(e.dropped, 0u);
 }
@@ -273,7 +273,7 @@ TEST(PathTracerCases, CoincidentSurfacesRenderTheSameTwice) {
   m.camera(Vec3(0, 2, 3), Vec3(0.0f), 0.6f);
   const ScenePtr scene = m.finish();
   Traced a(scene), b(scene);
-  const Measured x = measure(a, 4), y = measure(b, 4);
+  const Measured x = estimate(a, 4), y = estimate(b, 4);
   EXPECT_EQ(x[0].mean, y[0].mean);
 }
 
@@ -308,7 +308,7 @@ TEST(PathTracerCases, BlockSizesThatAreNotSixteen) {
   for (const int size : {1, 5, 16, 40}) {
     Traced t(m.finish());
     t.settings.blockSize = size;
-    const Measured e = measure(t, 64);
+    const Measured e = estimate(t, 64);
     expectNear(e[0], DVec3(0.5), 1e-4);
   }
 }
@@ -341,7 +341,7 @@ TEST(PathTracerCases, VectorAndScalarCodeAgree) {
   for (const bool doubleSided : {true, false}) {
     Traced plain(room(false, false, doubleSided)), general(room(true, false, doubleSided)), sampled(room(false, true, doubleSided));
     for (Traced* t : {&plain, &general, &sampled}) t->settings.split = SplitMode::ByBounce;
-    const Measured a = measure(plain, 48), b = measure(general, 48), c = measure(sampled, 48);
+    const Measured a = estimate(plain, 48), b = estimate(general, 48), c = estimate(sampled, 48);
     for (size_t k = 0; k < a.slots.size(); ++k) {
       for (int ch = 0; ch < 3; ++ch) EXPECT_NEAR(a[k].mean[ch], b[k].mean[ch], 2e-3 * a[k].mean[ch] + 1e-9) << k;  // same draws; a ray or two round an edge
       expectSame(a[k], c[k], 1e-4);
@@ -362,9 +362,9 @@ TEST(PathTracerCases, RouletteAddsLittleNoise) {
   m.light(lamp, Vec3(5.0f));
   m.camera(Vec3(0.2f, 0, 0.95f), Vec3(0, -0.3f, -1), 0.8f);
   Traced t(m.finish(), 12, 12);
-  const Measured with = measure(t, 32);
+  const Measured with = estimate(t, 32);
   t.settings.rouletteStart = 100;
-  const Measured without = measure(t, 32);
+  const Measured without = estimate(t, 32);
   expectSame(with[0], without[0]);
   const double noise = with[0].error.y / without[0].error.y, work = double(with.rays) / double(without.rays);
   std::printf("  roulette: noise by that of whole paths %.3f, rays %.3f\n", noise, work);

@@ -41,7 +41,7 @@ TEST(PathTracer, FurnaceTotalIsTheGeometricSeries) {
   for (const float albedo : {0.0f, 0.5f, 0.9f}) {
     Traced t(furnace(albedo, 2.0f));
     t.settings.maxBounces = 12;
-    const Measured m = measure(t, 16);
+    const Measured m = estimate(t, 16);
     expectNear(m[0], DVec3(2.0 * geometric(albedo, 14)));
     EXPECT_EQ(m.dropped, 0u);
   }
@@ -51,7 +51,7 @@ TEST(PathTracer, FurnaceByBounceGivesEachPowerOfTheAlbedo) {
   Traced t(furnace(0.7f, 1.0f));
   t.settings.split = SplitMode::ByBounce;
   t.settings.maxBounces = 5;
-  const Measured m = measure(t, 32);
+  const Measured m = estimate(t, 32);
   ASSERT_EQ(m.slots.size(), 7u);
   for (int k = 0; k < 7; ++k) expectNear(m[k], DVec3(std::pow(double(0.7f), k)));
 }
@@ -61,7 +61,7 @@ TEST(PathTracer, FurnaceHoldsAtEveryScaleFarAwayAndWithInvertedNormals) {
   for (const ScenePtr& scene : {furnace(0.8f, 1.0f, 1e-4f), furnace(0.8f, 1.0f, 1e4f), furnace(0.8f, 1.0f, 64.0f, Vec3(1e5f, -1e5f, 3e4f)),
                                 furnace(0.8f, 1.0f, 1.0f, Vec3(0.0f), true)}) {
     Traced t(scene);
-    const Measured m = measure(t, 8);
+    const Measured m = estimate(t, 8);
     expectNear(m[0], DVec3(truth), 1e-3);  // far away the walls are 1/8000 of a coordinate thick: tenths of a percent of light is cut
     EXPECT_EQ(m.dropped, 0u);
   }
@@ -110,7 +110,7 @@ Measured floorUnder(const std::function<void(SceneMaker&)>& lights, float albedo
   lights(m);
   m.camera(Vec3(0.3f, 3, 0.1f), Vec3(0.0f), 1e-5f);
   Traced t(m.finish());
-  return measure(t, blocks);
+  return estimate(t, blocks);
 }
 
 TEST(PathTracer, FloorUnderDeltaLights) {
@@ -165,7 +165,7 @@ TEST(PathTracer, EmissiveMeshLightsTheFloorLikeTheRectangle) {
   const double a = 0.5, b = 0.9, c = 1.0, ra = std::hypot(a, c), rb = std::hypot(b, c);
   const double form = 4 * (a / ra * std::atan(b / ra) + b / rb * std::atan(a / rb)) / (2 * M_PI);
   Traced t(m.finish());
-  expectNear(measure(t, 32)[0], DVec3(3.0 * double(0.6f) * form), 1e-4);
+  expectNear(estimate(t, 32)[0], DVec3(3.0 * double(0.6f) * form), 1e-4);
 }
 
 /// A closed thin lamp: only its lower side lights what is below, by the kernel's lanes (opaque) and by the sampler of any lamp (masked).
@@ -196,7 +196,7 @@ TEST(PathTracer, OfAClosedLampTheFacingSideLightsTheFloor) {
     const double a = 0.5, b = 0.9, c = 1.0, ra = std::hypot(a, c), rb = std::hypot(b, c);
     const double form = 4 * (a / ra * std::atan(b / ra) + b / rb * std::atan(a / rb)) / (2 * M_PI);
     Traced t(m.finish());
-    expectNear(measure(t, 32)[0], DVec3(3.0 * double(0.6f) * form), 1e-4);
+    expectNear(estimate(t, 32)[0], DVec3(3.0 * double(0.6f) * form), 1e-4);
   }
 }
 
@@ -211,7 +211,7 @@ TEST(PathTracer, ALampsFrontDoesNotLightItsBack) {
     })));
     m.camera(Vec3(0.1f, 4, 0.1f), Vec3(0.1f, 0.8f, 0.0f), 0.2f);
     Traced t(m.finish());
-    const Measured e = measure(t, 16);
+    const Measured e = estimate(t, 16);
     EXPECT_LT(e[0].mean.x, 1e-5) << masked;
   }
 }
@@ -224,7 +224,7 @@ TEST(PathTracer, WhiteSurfacesUnderAWhiteSkyAreWhite) {
     m.environment(constantEnvironment(Vec3(1.0f)), 2.0f);
     m.camera(Vec3(0, 2, 3), Vec3(0.0f), 1.0f);
     Traced t(m.finish());
-    const Measured e = measure(t, 16);
+    const Measured e = estimate(t, 16);
     expectNear(e[0], DVec3(2.0), 1e-5);  // convex: every escaping path ends in the sky, weight 1
   }
 }
@@ -252,7 +252,7 @@ TEST(PathTracer, MisAgreesWithLightSamplingAlone) {
   };
   for (const float roughness : {0.2f, 0.6f}) {
     Traced t(scene(roughness, true));
-    const Measured mis = measure(t, 64);
+    const Measured mis = estimate(t, 64);
     // BSDF sampling alone, by a hand-made integrator over the same public parts.
     const auto sampler = LightSampler::build(t.view());
     const Camera camera = t.settings.camera;
@@ -326,7 +326,7 @@ TEST(PathTracer, EveryLightSelectionHasTheSameMean) {
   for (int i = 0; i < 3; ++i) {
     t.settings.selection = LightSelection(i);
     t.settings.seed = uint64_t(100 + i);
-    m[i] = measure(t, 200);
+    m[i] = estimate(t, 200);
   }
   expectSame(m[0][0], m[2][0]);
   expectSame(m[1][0], m[2][0]);
@@ -443,9 +443,9 @@ TEST(PathTracer, BlocksDoNotDependOnOrder) {
 TEST(PathTracer, LinearInTheNominalPowersOfAGroup) {
   Traced t(manyLamps());
   t.settings.selection = LightSelection::Uniform;  // importance follows the nominal powers; Uniform keeps the paths the same
-  const Measured one = measure(t, 4);
+  const Measured one = estimate(t, 4);
   for (Vec3& n : t.settings.nominal) n *= 4.0f;
-  const Measured four = measure(t, 4);
+  const Measured four = estimate(t, 4);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(four[0].mean[c], 4 * one[0].mean[c], 1e-6 * four[0].mean[c]);
 }
 

@@ -121,7 +121,7 @@ TEST(Samplers, HaveTheSameMeans) {
     for (int k = 0; k < 3; ++k) {
       t.settings.sampler = kKinds[k];
       t.settings.seed = 31 + uint64_t(k);
-      m[k] = measure(t, 300);
+      m[k] = estimate(t, 300);
       for (size_t slot = 0; slot < m[0].slots.size(); ++slot) expectSame(m[k][slot], m[0][slot]);
     }
     const size_t last = m[0].slots.size() - 1;

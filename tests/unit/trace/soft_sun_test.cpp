@@ -114,7 +114,7 @@ Estimate groundUnder(const LightShape& shape, const Vec3& normal, const std::fun
   m.camera(glm::normalize(normal + 0.4f * f.x) * 5.0f, Vec3(0), 0.01f);
   Traced t(m.finish());
   t.settings.maxBounces = 2;
-  return measure(t, blocks)[0];
+  return estimate(t, blocks)[0];
 }
 
 TEST(SoftSun, PlanesReflectThePowerByTheCosine) {
@@ -239,7 +239,7 @@ double seenSun(double degrees, const std::function<void(SceneMaker&)>& add, cons
   m.light(sun(degrees, axis));
   m.camera(Vec3(0.0f), Vec3(0, 0, -4), 0.5f * float(degrees * kDegree));  // half the sun's height: its corners are within
   Traced t(m.finish());
-  return measure(t, 8)[0].mean.x;
+  return estimate(t, 8)[0].mean.x;
 }
 
 TEST(SoftSun, CamerasDoNotSeeItMirrorsAndGlassDo) {

@@ -110,11 +110,11 @@ TEST(Straight, PanesOfIndexOneCastTheirTintUnderEveryLight) {
   for (const Kind kind : kStraightKinds) {
     SCOPED_TRACE(int(kind));
     const int blocks = kind == Kind::Environment ? 256 : 64;
-    const Measured bare = measure(FloorUnder(kind, {}), blocks);
+    const Measured bare = estimate(FloorUnder(kind, {}), blocks);
     ASSERT_GT(bare[0].mean.x, 0.1);
     for (const int count : {1, 2, 3})
       for (const Vec3& colour : {Vec3(1.0f), tint}) {
-        const Measured e = measure(FloorUnder(kind, [&](SceneMaker& m) { panes(m, count, colour, pane(1.0f)); }), blocks);
+        const Measured e = estimate(FloorUnder(kind, [&](SceneMaker& m) { panes(m, count, colour, pane(1.0f)); }), blocks);
         Estimate want = bare[0];
         for (int c = 0; c < 3; ++c) {
           want.mean[c] *= std::pow(double(colour[c]), count);
@@ -129,9 +129,9 @@ TEST(Straight, PanesOfGlassLeaveWhatFresnelLeaves) {
   const Vec3 tint(0.9f, 0.6f, 0.3f);
   for (const Kind kind : {Kind::Point, Kind::Spot, Kind::Directional, Kind::Sphere, Kind::Rect, Kind::Disk, Kind::Mesh}) {
     SCOPED_TRACE(int(kind));
-    const Measured bare = measure(FloorUnder(kind, {}), 64);
+    const Measured bare = estimate(FloorUnder(kind, {}), 64);
     for (const int count : {1, 2, 3}) {
-      const Measured e = measure(FloorUnder(kind, [&](SceneMaker& m) { panes(m, count, tint, pane(1.5f)); }), 64);
+      const Measured e = estimate(FloorUnder(kind, [&](SceneMaker& m) { panes(m, count, tint, pane(1.5f)); }), 64);
       Estimate want = bare[0];
       for (int c = 0; c < 3; ++c) {
         want.mean[c] *= std::pow(0.96 * tint[c], count);
@@ -156,7 +156,7 @@ TEST(Straight, ASlantedSunPassesByItsAngle) {
   t.settings.cover = PathClass::Direct;
   const double T = 1 - fresnelOutside(std::cos(slant), 1.7);
   const DVec3 truth = 0.6 / M_PI * 2.0 * std::cos(slant) * std::pow(T, 3) * DVec3(std::pow(0.8, 3), 1.0, std::pow(0.5, 3));
-  expectNear(measure(t, 4)[0], truth, 1e-4);
+  expectNear(estimate(t, 4)[0], truth, 1e-4);
 }
 
 TEST(Straight, VolumesOfIndexOneDimByTheirDepthUnderEveryLight) {
@@ -164,10 +164,10 @@ TEST(Straight, VolumesOfIndexOneDimByTheirDepthUnderEveryLight) {
   for (const Kind kind : kStraightKinds) {
     if (kind == Kind::Environment) continue;  // at all angles: the room below has it
     SCOPED_TRACE(int(kind));
-    const Measured bare = measure(FloorUnder(kind, {}), 64);
+    const Measured bare = estimate(FloorUnder(kind, {}), 64);
     // Two slabs apart, and one of another kind inside the upper: it counts where it is.
     const Measured e =
-        measure(FloorUnder(kind,
+        estimate(FloorUnder(kind,
                            [&](SceneMaker& m) {
                              m.instance(m.mesh(box(Vec3(-60, 2, -60), Vec3(60, 2.5f, 60)), m.material(Vec3(1.0f), volume(1.0f, colour, 1.0f))));
                              m.instance(m.mesh(box(Vec3(-60, 4, -60), Vec3(60, 5.5f, 60)), m.material(Vec3(1.0f), volume(1.0f, colour, 2.0f))));
@@ -193,7 +193,7 @@ TEST(Straight, WhatBendsOrScattersLightStaysOpaqueToShadowRays) {
       m.instance(m.mesh(box(Vec3(-60, 2, -60), Vec3(60, 3, 60)), m.material(Vec3(1.0f), opaque[k])));
       m.instance(m.mesh(quad(Vec3(500, 0, 0), Vec3(1, 0, 0), Vec3(0, 0, -1)), m.material(Vec3(1.0f), pane(1.0f))));  // so that somebody asks
     });
-    EXPECT_EQ(measure(t, 2)[0].mean, DVec3(0.0)) << k;
+    EXPECT_EQ(estimate(t, 2)[0].mean, DVec3(0.0)) << k;
   }
 }
 
@@ -205,7 +205,7 @@ TEST(Straight, PartOfAPaneTransmits) {
             b.clearcoat = 1;
           }));
   });
-  expectNear(measure(t, 2)[0], DVec3(0.6 / M_PI * 0.25 * 0.96 * 0.96), 1e-4);
+  expectNear(estimate(t, 2)[0], DVec3(0.6 / M_PI * 0.25 * 0.96 * 0.96), 1e-4);
 }
 
 TEST(Straight, ShadowRaysSeeWhatSamplesOfTheBsdfDo) {
@@ -331,7 +331,7 @@ struct GlazedRoom : Traced {
 TEST(Straight, GlazedRoomsHoldTheEnergyThatPathsWithoutShadowRaysFind) {
   for (const float ior : {1.0f, 1.5f}) {
     GlazedRoom t(1, pane(ior), Vec3(0.9f, 0.8f, 0.4f));
-    const Measured e = measure(t, 256);
+    const Measured e = estimate(t, 256);
     const Estimate want = withoutShadowRays(t, 4000);
     EXPECT_LT(want.error.x, 0.02 * want.mean.x);
     expectSame(e[0], want, 1e-3);
@@ -356,7 +356,7 @@ TEST(Straight, LampsInBulbsAndBehindSlabsHoldTheirEnergy) {
     Traced t(m.finish(), 1, 1);
     t.settings.maxBounces = 60;
     t.settings.rouletteStart = 6;
-    const Measured e = measure(t, 512);
+    const Measured e = estimate(t, 512);
     const Estimate want = withoutShadowRays(t, 3000);
     EXPECT_LT(want.error.x, 0.03 * want.mean.x);
     expectSame(e[0], want, 1e-3);
@@ -391,7 +391,7 @@ TEST(Straight, WhiteFurnaceWithPanesGivesWhatItGets) {
     Traced t(m.finish(), 4, 4);
     t.settings.maxBounces = 60;
     t.settings.rouletteStart = 200;
-    expectNear(measure(t, 16)[0], DVec3(1.0), 2e-3);
+    expectNear(estimate(t, 16)[0], DVec3(1.0), 2e-3);
   }
 }
 
@@ -400,9 +400,9 @@ TEST(Straight, ClassesOfPathsAgreeBehindPanes) {
   for (const SplitMode split : {SplitMode::DirectIndirect, SplitMode::ByBounce, SplitMode::ByLobe}) {
     GlazedRoom t(2, pane(1.5f));
     t.settings.maxBounces = 4;
-    const Measured whole = measure(t, 64);
+    const Measured whole = estimate(t, 64);
     t.settings.split = split;
-    const Measured parts = measure(t, 64);
+    const Measured parts = estimate(t, 64);
     Estimate sum;
     for (const Estimate& e : parts.slots) {
       sum.mean += e.mean;
@@ -411,7 +411,7 @@ TEST(Straight, ClassesOfPathsAgreeBehindPanes) {
     expectSame(whole[0], sum);
     t.settings.split = SplitMode::Combined;
     t.settings.cover = PathClass::Direct;
-    const Measured direct = measure(t, 64);
+    const Measured direct = estimate(t, 64);
     EXPECT_GT(direct[0].mean.x, 0.01);
     if (split != SplitMode::ByLobe) expectSame(direct[0], parts[1]);
   }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/examples/median_of_visibility/median_of_visibility.h"
 
-#include "device/compute_device.h"
+#include "filters/resident_planes.h"
 #include "render/examples/median_of_visibility/median.glsl.h"
 
 namespace gobo {
@@ -21,7 +21,7 @@ const ComputeKernel kMedian{"median_of_visibility", kCode, 3, sizeof(Push), kTex
 
 class MedianNode final : public Node {
  public:
-  MedianNode(const Extent& extent, std::shared_ptr<ComputeDevice> device) : extent_(extent), device_(std::move(device)) {}
+  MedianNode(const Extent& extent, ComputeDevicePtr device) : extent_(extent), device_(std::move(device)) {}
   std::string type() const override { return "median_of_visibility"; }
   std::string numericClass() const override { return device_ ? device_->numericClass() : Node::numericClass(); }
   std::string device() const override { return device_ ? std::string(device_->kind()) + ": " + device_->name() : "cpu"; }
@@ -42,7 +42,7 @@ class MedianNode final : public Node {
     const auto instance = ctx.inputs[1]->plane<uint32_t>("instance");
     const auto out = ctx.result->writable<float>("V");
     if (device_) {
-      GOBO_TRY(onDevice(v, instance, out));
+      GOBO_TRY(onDevice(ctx.inputs[0], ctx.inputs[1], out));
       return TermPtr(ctx.result);
     }
     const bool done = ctx.arena->parallelFor(
@@ -66,23 +66,27 @@ class MedianNode final : public Node {
     return formulas::medianOf9(neighbour(-1, -1), neighbour(0, -1), neighbour(1, -1), neighbour(-1, 0), v[e], neighbour(1, 0), neighbour(-1, 1),
                                neighbour(0, 1), neighbour(1, 1));
   }
-  Status onDevice(std::span<const float> v, std::span<const uint32_t> instance, std::span<float> out) const {
-    const Push push{extent_.width, extent_.height, uint32_t(v.size())};
-    GOBO_ASSIGN(const ComputeBufferPtr values, device_->upload(v));
-    GOBO_ASSIGN(const ComputeBufferPtr instances, device_->upload(instance));
-    GOBO_ASSIGN(const ComputeBufferPtr result, device_->buffer(out.size_bytes()));
-    ComputeDispatch d{&kMedian, {values, instances, result}, {reinterpret_cast<const uint8_t*>(&push), sizeof push}, {}};
-    setLinearGroups(d, v.size(), 64);
-    GOBO_TRY(device_->run({&d, 1}));
-    return device_->download(*result, out.data(), out.size_bytes());
+  Status onDevice(const TermPtr& visibility, const TermPtr& gbuffer, std::span<float> out) const {
+    const Push push{extent_.width, extent_.height, uint32_t(out.size())};
+    ResidentPlanes& on = ResidentPlanes::of(device_);
+    GOBO_ASSIGN(const ComputeBufferPtr values, on.get(visibility, "V", 0, out.size()));
+    GOBO_ASSIGN(const ComputeBufferPtr instances, on.get(gbuffer, "instance", 0, out.size()));
+    const auto pass = [&]() -> Status {
+      GOBO_ASSIGN(const ComputeBufferPtr result, device_->buffer(out.size_bytes()));
+      ComputeDispatch d{&kMedian, {values, instances, result}, {reinterpret_cast<const uint8_t*>(&push), sizeof push}, {}};
+      setLinearGroups(d, out.size(), 64);
+      GOBO_TRY(device_->run({&d, 1}));
+      return device_->download(*result, out.data(), out.size_bytes());
+    };
+    return on.checked(pass());
   }
 
   Extent extent_;
-  std::shared_ptr<ComputeDevice> device_;
+  ComputeDevicePtr device_;
 };
 
 }  // namespace
 
-NodePtr makeMedianNode(const Extent& extent, std::shared_ptr<ComputeDevice> device) { return std::make_shared<MedianNode>(extent, std::move(device)); }
+NodePtr makeMedianNode(const Extent& extent, ComputeDevicePtr device) { return std::make_shared<MedianNode>(extent, std::move(device)); }
 
 }  // namespace gobo

@@ -6,13 +6,12 @@
 
 #include <memory>
 
+#include "device/compute_device.h"
 #include "terms/node.h"
 
 namespace gobo {
 
-class ComputeDevice;
-
 /// Filter, term "visibility", plane V f32. Inputs: a "visibility" with one channel V, the "gbuffer" of the same extent. `device` null: cpu.
-NodePtr makeMedianNode(const Extent& extent, std::shared_ptr<ComputeDevice> device = nullptr);
+NodePtr makeMedianNode(const Extent& extent, ComputeDevicePtr device = nullptr);
 
 }  // namespace gobo
