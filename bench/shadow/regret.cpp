@@ -162,7 +162,9 @@ int regret(Options o) {
         std::fprintf(stderr, "%s\n", truth.status().toString().c_str());
         return 1;
       }
+      r.setRepeat(1);  // what comes near is measured again, in turns
       auto points = sweep(r, *truth, soft, o.quick);
+      r.setRepeat(o.repeat);
       if (!points.ok()) {
         std::fprintf(stderr, "%s\n", points.status().toString().c_str());
         return 1;

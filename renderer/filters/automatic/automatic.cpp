@@ -20,9 +20,9 @@ struct Costs {
   double sample = 2;                                            // a view sample that only background or the wrong side shows
   double shadowRay = 13, softRay = 40;                          // one occlusion query with its set-up, in packets, among 1000 triangles
   double tree = 0.38, alpha = 0.8;                              // rays: share more per doubling of triangles; per share of triangles with alpha
-  double depthTexel = 0.9, depthEdge = 11, depthTriangle = 15;  // scan conversion: t texels and r triangles cost a t + b sqrt(r t) + c r
-  double hardLookup = 7.5;                                      // percentage-closer
-  double softTexel = 0.4, softSearch = 15, softFilter = 85;     // depth bounds; a lookup: the search, and the rest where it finds something
+  double depthTexel = 0.45, depthEdge = 11, depthTriangle = 15;  // scan conversion: t texels and r triangles cost a t + b sqrt(r t) + c r
+  double hardLookup = 5.5;                                      // percentage-closer
+  double softTexel = 0.4, softSearch = 15, softFilter = 95;     // depth bounds; a lookup: the search, and the rest in penumbras
   double probeRay = 25;                                         // a ray of a probe
   double depth(double texels, double triangles) const { return depthTexel * texels + depthEdge * std::sqrt(texels * triangles) + depthTriangle * triangles; }
 };
@@ -33,7 +33,7 @@ struct LookSize {
   int cells, split, judged;
 };
 constexpr LookSize kHardLooks[] = {{576, 64, 96}, {1152, 192, 384}, {2304, 512, 1536}};
-constexpr LookSize kSoftLooks[] = {{576, 64, 64}, {1152, 128, 256}, {2304, 256, 1024}};
+constexpr LookSize kSoftLooks[] = {{576, 64, 96}, {1152, 128, 288}, {2304, 256, 1152}};
 constexpr double kHardTaps = 4, kSoftTaps = 136;  // rays a view sample that a map's probe takes, at most
 
 bool areaLight(const LightShape& s) { return s.kind == LightKind::Rect || s.kind == LightKind::Disk || s.kind == LightKind::Sphere || isWideDirectional(s); }
@@ -124,13 +124,13 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   const std::span<const LookSize> looks = soft ? std::span<const LookSize>(kSoftLooks) : std::span<const LookSize>(kHardLooks);
   const size_t rays = probe.rays.size();
   std::vector<ProbeEvidence> evidence(choice.candidates.size());
-  std::vector<double> blocked(evidence.size(), 0.0);
+  std::vector<double> penumbra(evidence.size(), 0.0);
   double pixels = 0;
-  // Rays are shot where the light can shine; soft lookups filter only where their search finds something.
+  // Rays are shot where the light can shine; soft lookups filter only in penumbras.
   const auto time = [&](size_t k) {
     const double ms = choice.candidates[k].ms;
     if (k < rays) return samples * (cost.sample + choice.receivers * ms) * 1e-6;
-    return ms + (soft ? samples * choice.receivers * (cost.softSearch + blocked[k] * cost.softFilter) * 1e-6 : 0.0);
+    return ms + (soft ? samples * choice.receivers * (cost.softSearch + penumbra[k] * cost.softFilter) * 1e-6 : 0.0);
   };
   std::vector<size_t> asked;  // maps that the look is for; the first asks for those that may win by their time
   for (size_t look = 0; look < looks.size(); ++look) {
@@ -153,7 +153,7 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
       const NodeId id = graph.add({makeMapProbeNode(m), {node}, {}, label, 0, input.scene, false});
       GOBO_ASSIGN(const TermPtr term, expand(graph, id));
       const double before = evidence[k].pixels;
-      blocked[k] = (before * blocked[k] + more * term->plane<double>("blocked")[0]) / (before + more);
+      penumbra[k] = (before * penumbra[k] + more * term->plane<double>("penumbra")[0]) / (before + more);
       evidence[k].add(term->plane<double>("mse")[0], term->plane<double>("variance")[0], more);
       evidence[k].ms = time(k);
       return {};

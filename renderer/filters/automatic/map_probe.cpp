@@ -83,7 +83,7 @@ class MapProbeNode final : public Node {
     Wiring w(type(), in, 1);
     Receivers::reads(w, 0, kNeeds);
     w.reads<float>(0, "a").reads<float>(0, "b").reads<float>(0, "lit").reads<double>(0, "weight").reads<uint32_t>(0, "stratum").reads<double>(0, "share");
-    return w.gives({type(), Domain::Table, {1, 1, 1}, {plane<double>("mse"), plane<double>("variance"), plane<double>("blocked")}});
+    return w.gives({type(), Domain::Table, {1, 1, 1}, {plane<double>("mse"), plane<double>("variance"), plane<double>("penumbra")}});
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
@@ -96,7 +96,7 @@ class MapProbeNode final : public Node {
     const double share = probe.plane<double>("share")[0];
     const Receivers receivers(probe, s_.map.frames, s_.map.resolution, ShadowView{}, kNeeds);
     const size_t S = size_t(s_.viewSamples), pixels = lit.size() / S, tasks = (pixels + kMapGrain - 1) / kMapGrain;
-    std::vector<double> error(pixels, 0.0), blocked(pixels, 0.0);
+    std::vector<double> error(pixels, 0.0), penumbra(pixels, 0.0);
     const bool done = ctx.arena->parallelFor(
         tasks, 1,
         [&](size_t from, size_t to) {
@@ -107,38 +107,39 @@ class MapProbeNode final : public Node {
             if (s_.size == Vec2(0.0f)) hard(depths, receivers, lit, first * S, found);
             else soft(depths, receivers, lit, first * S, found);
             for (size_t p = first; p < end; ++p) {
-              double v = 0, among = 0, behind = 0;
+              double v = 0, among = 0, partly = 0;
               for (size_t e = p * S; e < (p + 1) * S; ++e) {
                 if (lit[e] == 0.0f) continue;
                 v += found[e - first * S].V;
-                behind += found[e - first * S].blocked;
+                partly += found[e - first * S].partial();
                 ++among;
               }
               if (!(among > 0)) continue;
               error[p] = (v / among - a[p * S]) * (v / among - b[p * S]);
-              blocked[p] = behind / among;
+              penumbra[p] = partly / among;
             }
           }
           if (ctx.counters) ctx.counters->rays += depths.rays();
         },
         ctx.stop);
     if (!done) return Status(Code::Cancelled, "map_probe stopped");
-    StratifiedSum errors, behind;
+    StratifiedSum errors, partly;
     for (size_t p = 0; p < pixels; ++p) {
       const ProbePixel pixel{{}, stratum[p * S], weight[p * S]};
       errors.add(pixel, error[p]);
-      behind.add(pixel, blocked[p]);
+      partly.add(pixel, penumbra[p]);
     }
     const auto& term = ctx.result;
     term->writable<double>("mse")[0] = share > 0 ? errors.sum() / share : 0.0;
     term->writable<double>("variance")[0] = share > 0 ? errors.variance() / (share * share) : 0.0;
-    term->writable<double>("blocked")[0] = share > 0 ? std::clamp(behind.sum() / share, 0.0, 1.0) : 0.0;
+    term->writable<double>("penumbra")[0] = share > 0 ? std::clamp(partly.sum() / share, 0.0, 1.0) : 0.0;
     return TermPtr(term);
   }
 
  private:
   struct Lookup {
-    float V = 1.0f, blocked = 0.0f;
+    float V = 1.0f;
+    bool partial() const { return V > 0.0f && V < 1.0f; }
   };
 
   /// Elements first ..., those that are lit.
@@ -165,7 +166,7 @@ class MapProbeNode final : public Node {
       float sum = 0;
       for (int k = 0; k < kx.count * ky.count; ++k)
         if (!(z[i][size_t(k)] < r.at(kx.first + k % kx.count, ky.first + k / kx.count))) sum += kx.weight[k % kx.count] * ky.weight[k / kx.count];
-      found[i] = {std::min(sum, 1.0f), sum < 1.0f ? 1.0f : 0.0f};
+      found[i] = {std::min(sum, 1.0f)};
     });
   }
 
@@ -220,7 +221,7 @@ class MapProbeNode final : public Node {
     depths.depths(b.face[0], x, y, n, z);
     int lit = 0;
     for (int i = 0; i < n; ++i) lit += r.at(x[i], y[i]) <= z[i];
-    return {float(lit) / float(n), 1.0f};
+    return {float(lit) / float(n)};
   }
 
   MapProbeSettings s_;

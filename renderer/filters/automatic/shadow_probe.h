@@ -44,8 +44,7 @@ struct MapProbeSettings {
   bool clear = false;  ///< as the shadow probe's
 };
 /// Term "map_probe", planes mse and variance f64 (as the shadow probe's): of the map's visibility over the pixels of input "shadow_probe". Hard: the bilinear
-/// comparison; soft: percentage-closer soft shadows with 36 + 64 taps. Plane blocked f64: share of receivers with something before them in the map. A small
-/// output.
+/// comparison; soft: percentage-closer soft shadows with 36 + 64 taps. Plane penumbra f64: share of receivers that are partly lit by the map. A small output.
 NodePtr makeMapProbeNode(const MapProbeSettings& settings);
 
 }  // namespace gobo::inline filters
