@@ -22,7 +22,7 @@ struct Costs {
   double tree = 0.38, alpha = 0.8;                              // rays: share more per doubling of triangles; per share of triangles with alpha
   double depthTexel = 0.45, depthEdge = 11, depthTriangle = 15;  // scan conversion: t texels and r triangles cost a t + b sqrt(r t) + c r
   double hardLookup = 5.5;                                      // percentage-closer
-  double softTexel = 0.4, softSearch = 15, softFilter = 95;     // depth bounds; a lookup: the search, and the rest in penumbras
+  double softTexel = 0.4, softSearch = 22, softFilter = 88;     // depth bounds; a lookup: the search, and the rest in penumbras
   double probeRay = 25;                                         // a ray of a probe
   double depth(double texels, double triangles) const { return depthTexel * texels + depthEdge * std::sqrt(texels * triangles) + depthTriangle * triangles; }
 };
@@ -33,7 +33,7 @@ struct LookSize {
   int cells, split, judged;
 };
 constexpr LookSize kHardLooks[] = {{576, 64, 96}, {1152, 192, 384}, {2304, 512, 1536}};
-constexpr LookSize kSoftLooks[] = {{576, 64, 96}, {1152, 128, 288}, {2304, 256, 1152}};
+constexpr LookSize kSoftLooks[] = {{576, 64, 96}, {1152, 128, 288}};
 constexpr double kHardTaps = 4, kSoftTaps = 136;  // rays a view sample that a map's probe takes, at most
 
 bool areaLight(const LightShape& s) { return s.kind == LightKind::Rect || s.kind == LightKind::Disk || s.kind == LightKind::Sphere || isWideDirectional(s); }

@@ -9,8 +9,8 @@
 namespace gobo::inline filters {
 namespace {
 
-constexpr double kNearMiss = 1.25;    // what a probe cannot tell apart
-constexpr double kChance = 0.5;       // that a rival turns out to be the better one
+constexpr double kNearMiss = 1.25;     // what a probe cannot tell apart
+constexpr double kChance = 0.2;        // that a rival turns out to be the better one
 constexpr double kShareOfTime = 0.05;  // of a time budget, for another look
 
 bool betterEvidence(const ProbeEvidence& x, const ProbeEvidence& y, const ShadowBudget& b) {

@@ -30,7 +30,7 @@ struct ShadowBudget {
 size_t chooseByEvidence(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget);
 /// Cheaper ones (within a time: any that fits) that would be chosen in the place of `chosen` if their errors were at the lower end of what is known.
 std::vector<size_t> rivalsOf(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen);
-/// Whether to look again at `chosen` and its rivals for `costMs`: an even chance of what the cheapest of them would save must be more than that. Within a
+/// Whether to look again at `chosen` and its rivals for `costMs`: a fifth of what the cheapest of them would save must be more than that. Within a
 /// time, what is looked at must stay a small part of it.
 bool worthAnotherLook(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen, std::span<const size_t> rivals, double costMs);
 

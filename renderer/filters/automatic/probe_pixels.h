@@ -27,7 +27,7 @@ struct ProbeDesign {
   int width = 0, height = 0;
   int cells = 576;   ///< of the first look, about; fewer in pictures of fewer than 4 pixels a cell
   int split = 64;    ///< cells that are cut into four, per level, at most
-  int levels = 2;    ///< cells narrower than 4 pixels are not cut
+  int levels = 1;    ///< cells narrower than 4 pixels are not cut
   int judged = 128;  ///< pixels in all; at least 2 in each stratum
   uint64_t seed = 0;
 };

@@ -315,7 +315,7 @@ class ShadowProbeNode final : public Node {
 }  // namespace
 
 double shadowProbeRays(const ShadowProbeSettings& s) {
-  const double looks = s.cells + 8.0 * s.split, most = s.rays.empty() ? 1 : s.rays.back();
+  const double looks = s.cells + 4.0 * s.split * ProbeDesign{}.levels, most = s.rays.empty() ? 1 : s.rays.back();
   const double each = s.rays.size() > 1 ? s.viewSamples * (1.0 + most + 2.0 * s.truthRays) : 2.0 * s.viewSamples + 4.0 * kTruthSamples;
   return 2.0 * looks + s.judged * each;
 }

@@ -223,7 +223,7 @@ TEST(ShadowProbe, StopsWhereverItIsAsked) {
   };
   ASSERT_TRUE(run({}).ok());
   const int polls = tests::pollsOf([&](const StopToken& stop) { (void)run(stop); });
-  EXPECT_GE(polls, 8) << "looks at three levels, then pixels";
+  EXPECT_GE(polls, 8) << "looks at two levels, then pixels";
   for (int n = 1; n <= polls; n += std::max(1, polls / 12)) {
     const auto r = run(tests::stopAt(n));
     ASSERT_FALSE(r.ok()) << n;

@@ -102,9 +102,9 @@ TEST(ProbePixels, SumsHaveTheMeanOfThePictureAsTheirExpectationAndTheirVarianceI
 }
 
 TEST(ProbePixels, RareEdgesAreSeenWhereEvenPixelsMissThem) {
-  // An edge one pixel wide along a tenth of the picture's width: 64 pixels of 307 200.
+  // One edge across a picture: an even look at 400 pixels sees it once in the mean.
   const ProbePicture p{"post", 640, 480, [](int x, int y) { return x >= 300 && x < 316 && y >= 200 && y < 216 ? ProbeSeen::Dark : ProbeSeen::Lit; }};
-  const ProbePicture edge{"edges of a fence", 640, 480, [](int x, int y) { return y > 240 && (x / 40) % 2 ? ProbeSeen::Dark : ProbeSeen::Lit; }};
+  const ProbePicture edge{"an edge", 640, 480, [](int x, int y) { return 3 * x + 5 * y < 1100 ? ProbeSeen::Dark : ProbeSeen::Lit; }};
   constexpr int kTries = 200, kEven = 400;
   double even = 0, even2 = 0, ours = 0, ours2 = 0;
   int missed = 0, evenMissed = 0, looks = 0;
@@ -126,8 +126,8 @@ TEST(ProbePixels, RareEdgesAreSeenWhereEvenPixelsMissThem) {
     looks += chosen(p, design(p, 9000 + uint64_t(t))).edges > 0;
   }
   const auto variance = [&](double s, double s2) { return s2 / kTries - s / kTries * s / kTries; };
-  EXPECT_LT(variance(ours, ours2), variance(even, even2)) << "96 pixels against 400";
-  EXPECT_LE(missed, evenMissed);
+  EXPECT_LT(variance(ours, ours2), 0.7 * variance(even, even2)) << "96 pixels against 400";
+  EXPECT_LT(missed, evenMissed / 4);
   EXPECT_GT(looks, kTries / 4) << "a post of 16 pixels, by 576 looks";
 }
 
@@ -159,7 +159,7 @@ TEST(ProbePixels, PicturesOfAnyShape) {
 
 TEST(ProbePixels, StopsAtAnyLook) {
   const ProbePicture p = pictures()[0];
-  for (int last = 0; last < 3; ++last) {
+  for (int last = 0; last < 2; ++last) {
     int looks = 0;
     const auto r = chooseProbePixels(design(p, 1), [&](std::span<const PixelPlace> at, std::span<ProbeSeen> seen) {
       for (size_t i = 0; i < at.size(); ++i) seen[i] = p.sees(at[i].x, at[i].y);

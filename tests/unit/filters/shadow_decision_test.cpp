@@ -61,8 +61,8 @@ TEST(ShadowDecision, RivalsAreCheaperAndMayKeepTheError) {
 TEST(ShadowDecision, ALookMustPayForItself) {
   const std::vector<ProbeEvidence> c{known(5, 0.02), known(2, 0.06, 0.5), known(4, 0.05, 0.5)};
   const std::vector<size_t> rivals{1, 2}, none;
-  EXPECT_TRUE(worthAnotherLook(c, {0.05}, 0, rivals, 1.4));
-  EXPECT_FALSE(worthAnotherLook(c, {0.05}, 0, rivals, 1.6));
+  EXPECT_TRUE(worthAnotherLook(c, {0.05}, 0, rivals, 0.55));
+  EXPECT_FALSE(worthAnotherLook(c, {0.05}, 0, rivals, 0.65));
   EXPECT_FALSE(worthAnotherLook(c, {0.05}, 0, none, 0.0));
   EXPECT_TRUE(worthAnotherLook(c, {0.05, 20}, 0, rivals, 0.9));
   EXPECT_FALSE(worthAnotherLook(c, {0.05, 20}, 0, rivals, 1.1));
