@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kNearMiss = 1.25;     // what a probe cannot tell apart
 constexpr double kChance = 0.2;        // that a rival turns out to be the better one
+constexpr double kUnseen = 1.0 / 12;   // of the pixel that a probe without any error did not see: a straight edge's mean square against the pixel's area
 constexpr double kShareOfTime = 0.05;  // of a time budget, for another look
 
 bool betterEvidence(const ProbeEvidence& x, const ProbeEvidence& y, const ShadowBudget& b) {
@@ -33,7 +34,10 @@ void ProbeEvidence::add(double otherMse, double otherVariance, double otherPixel
   variance = p * p * variance + q * q * otherVariance;
   pixels = n;
 }
-double ProbeEvidence::high() const { return std::sqrt(std::max(0.0, mse + std::sqrt(std::max(0.0, variance)))); }
+double ProbeEvidence::high() const {
+  if (judged() && !(variance > 0)) return std::sqrt(std::max(mse, kUnseen / pixels));
+  return std::sqrt(std::max(0.0, mse + std::sqrt(std::max(0.0, variance))));
+}
 double ProbeEvidence::low() const { return std::sqrt(std::max(0.0, mse - std::sqrt(std::max(0.0, variance)))); }
 
 size_t chooseByEvidence(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget) {

@@ -16,7 +16,8 @@ struct ProbeEvidence {
   /// Another probe's estimate, which saw other pixels.
   void add(double otherMse, double otherVariance, double otherPixels);
   bool judged() const { return pixels > 0; }
-  double high() const;  ///< RMSE a standard error (of the mean square) above the estimate: few pixels hold most of the error, and a probe sees few of them
+  double high() const;  ///< RMSE a standard error (of the mean square) above the estimate: few pixels hold most of the error, and a probe sees few of them.
+                        ///< Where it saw none: as if the next pixel lay on an edge
   double low() const;   ///< the same below
 };
 

@@ -10,7 +10,7 @@ namespace gobo::test {
 namespace {
 
 /// RMSE `error`, its square known to within `within` of itself.
-ProbeEvidence known(double ms, double error, double within = 0) { return {ms, error * error, within * within * error * error * error * error, 100}; }
+ProbeEvidence known(double ms, double error, double within = 1e-6) { return {ms, error * error, within * within * error * error * error * error, 100}; }
 ProbeEvidence unknown(double ms) { return {ms, 0, 0, 0}; }
 
 TEST(ShadowDecision, BoundsAreAStandardErrorOfTheMeanSquareAway) {
@@ -19,6 +19,15 @@ TEST(ShadowDecision, BoundsAreAStandardErrorOfTheMeanSquareAway) {
   EXPECT_NEAR(e.low(), 0.1 * std::sqrt(0.56), 1e-12);
   EXPECT_EQ(known(1, 0.1, 3).low(), 0.0);
   EXPECT_EQ((ProbeEvidence{1, -1e-3, 1e-8, 10}).high(), 0.0) << "an unbiased estimate may be negative";
+}
+
+TEST(ShadowDecision, NoErrorSeenIsNoErrorlessness) {
+  const ProbeEvidence none{1, 0, 0, 100};
+  EXPECT_NEAR(none.high(), std::sqrt(1.0 / 1200), 1e-12);
+  EXPECT_EQ(none.low(), 0.0);
+  // Beside one that keeps the budget by what was seen of it.
+  EXPECT_EQ(chooseByEvidence(std::vector{known(2, 0.015, 0.1), none}, {0.02}), 0u);
+  EXPECT_EQ(chooseByEvidence(std::vector{known(2, 0.015, 0.1), none}, {0.03}), 1u);
 }
 
 TEST(ShadowDecision, LooksAddUpByTheirPixels) {
