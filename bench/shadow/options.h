@@ -38,6 +38,7 @@ int table31(Options o);
 int ladder(Options o);
 int claims(Options o);
 int regret(Options o);
+int costs(Options o);
 int scenes(Options o);
 int sheared(Options o);
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/sobol.h"
+#include "filters/automatic/decision.h"
 #include "filters/automatic/shadow_probe.h"
 #include "filters/parameter.h"
 #include "filters/ray_traced/technique.h"
@@ -18,15 +20,21 @@ struct Costs {
   double sample = 2;                                            // a view sample that only background or the wrong side shows
   double shadowRay = 13, softRay = 40;                          // one occlusion query with its set-up, in packets, among 1000 triangles
   double tree = 0.38, alpha = 0.8;                              // rays: share more per doubling of triangles; per share of triangles with alpha
-  double depthTexel = 0.9, depthEdge = 11, depthTriangle = 15;  // scan conversion: t texels and r triangles cost a t + b sqrt(r t) + c r
-  double hardLookup = 7.5;                                      // percentage-closer
-  double softTexel = 0.4, softLookup = 85;                      // depth bounds; a lookup
+  double depthTexel = 0.45, depthEdge = 11, depthTriangle = 15;  // scan conversion: t texels and r triangles cost a t + b sqrt(r t) + c r
+  double hardLookup = 5.5;                                      // percentage-closer
+  double softTexel = 0.4, softSearch = 22, softFilter = 88;     // depth bounds; a lookup: the search, and the rest in penumbras
+  double probeRay = 25;                                         // a ray of a probe
   double depth(double texels, double triangles) const { return depthTexel * texels + depthEdge * std::sqrt(texels * triangles) + depthTriangle * triangles; }
 };
 
 constexpr uint32_t kEnvironmentRays = 4;             // bench/environment_bench
-constexpr int kHardPixels = 400, kSoftPixels = 250;  // penumbras are wide, edges are not
-constexpr double kNearMiss = 1.25;                   // what a probe cannot tell apart
+// Looks, each closer than those before: numbers of ProbeDesign. A later one is taken only where it can pay for itself (decision.h).
+struct LookSize {
+  int cells, split, judged;
+};
+constexpr LookSize kHardLooks[] = {{576, 64, 96}, {1152, 192, 384}, {2304, 512, 1536}};
+constexpr LookSize kSoftLooks[] = {{576, 64, 96}, {1152, 128, 288}};
+constexpr double kHardTaps = 4, kSoftTaps = 136;  // rays a view sample that a map's probe takes, at most
 
 bool areaLight(const LightShape& s) { return s.kind == LightKind::Rect || s.kind == LightKind::Disk || s.kind == LightKind::Sphere || isWideDirectional(s); }
 
@@ -55,8 +63,6 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   AutomaticChoice choice;
   ShadowProbeSettings probe;
   std::vector<ProbeMap> maps;
-  probe.seed = shadowSeed(input);
-  probe.pixels = soft ? kSoftPixels : kHardPixels;
   const double samples = double(input.filmWidth()) * input.filmHeight() * input.viewSamples;
   const Costs cost;
   const Shapes shapes = shapesOf(*input.scene);
@@ -113,58 +119,78 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   probe.height = input.filmHeight();
   probe.viewSamples = input.viewSamples;
   probe.clear = input.clear;
-  const NodeId node = graph.add({makeShadowProbeNode(probe), {}, {input.light}, "shadow_probe:" + light.name, 0, input.scene, false});
-  GOBO_ASSIGN(const TermPtr judged, expand(graph, node));
-  if (!judged) return choice;
-  choice.receivers = judged->plane<double>("share")[0];
-  // Rays are shot where the light can shine; soft lookups are cheap elsewhere.
-  for (size_t k = 0; k < choice.candidates.size(); ++k) {
-    AutomaticCandidate& c = choice.candidates[k];
-    if (k < probe.rays.size()) {
-      c.ms = samples * (cost.sample + choice.receivers * c.ms) * 1e-6;
-      c.rmse = judged->plane<double>("rays")[k];
-    } else {
-      c.judged = false;
-      if (soft) c.ms += samples * choice.receivers * cost.softLookup * 1e-6;
-    }
-  }
-
   const v1::AutomaticShadow& a = technique.auto_();
-  const double error = numberParameter(a, "error");
-  const auto better = [&](const AutomaticCandidate& x, const AutomaticCandidate& y) {
-    if (a.has_time_ms()) {
-      const bool fx = x.ms <= a.time_ms(), fy = y.ms <= a.time_ms();
-      if (fx != fy) return fx;
-      return fx ? (x.rmse != y.rmse ? x.rmse < y.rmse : x.ms < y.ms) : x.ms < y.ms;
-    }
-    const bool fx = x.rmse <= error, fy = y.rmse <= error;
-    if (fx != fy) return fx;
-    return fx ? x.ms < y.ms : (x.rmse != y.rmse ? x.rmse < y.rmse : x.ms < y.ms);
+  const ShadowBudget budget{numberParameter(a, "error"), a.has_time_ms() ? a.time_ms() : 0.0};
+  const std::span<const LookSize> looks = soft ? std::span<const LookSize>(kSoftLooks) : std::span<const LookSize>(kHardLooks);
+  const size_t rays = probe.rays.size();
+  std::vector<ProbeEvidence> evidence(choice.candidates.size());
+  std::vector<double> penumbra(evidence.size(), 0.0);
+  double pixels = 0;
+  // Rays are shot where the light can shine; soft lookups filter only in penumbras.
+  const auto time = [&](size_t k) {
+    const double ms = choice.candidates[k].ms;
+    if (k < rays) return samples * (cost.sample + choice.receivers * ms) * 1e-6;
+    return ms + (soft ? samples * choice.receivers * (cost.softSearch + penumbra[k] * cost.softFilter) * 1e-6 : 0.0);
   };
-  if (!probe.rays.empty())
-    for (size_t k = 1; k < probe.rays.size(); ++k)
-      if (better(choice.candidates[k], choice.candidates[choice.chosen])) choice.chosen = k;
-  // Maps, cheapest first (they are in that order). One that cannot win by its time is not judged.
-  for (size_t k = probe.rays.size(); k < choice.candidates.size(); ++k) {
-    AutomaticCandidate& c = choice.candidates[k];
-    const AutomaticCandidate& best = choice.candidates[choice.chosen];
-    const bool first = k == 0;
-    if (!first && (a.has_time_ms() ? c.ms > a.time_ms() && best.ms <= a.time_ms() : best.rmse <= error && c.ms >= best.ms)) continue;
-    MapProbeSettings m{std::move(maps[k - probe.rays.size()]),          base.bias,         base.slopeBias,
-                       soft ? softLight(light.shape).size : Vec2(0.0f), input.viewSamples, input.clear};
-    const std::string label = "map_probe:" + light.name + " " + std::to_string(m.map.resolution);
-    const NodeId id = graph.add({makeMapProbeNode(m), {node}, {}, label, 0, input.scene, false});
-    GOBO_ASSIGN(const TermPtr term, expand(graph, id));
-    c.rmse = term->plane<double>("rmse")[0];
-    c.judged = true;
-    if (!first && better(c, best)) choice.chosen = k;
+  std::vector<size_t> asked;  // maps that the look is for; the first asks for those that may win by their time
+  for (size_t look = 0; look < looks.size(); ++look) {
+    probe.cells = looks[look].cells;
+    probe.split = looks[look].split;
+    probe.judged = looks[look].judged;
+    probe.seed = look == 0 ? shadowSeed(input) : hash64(shadowSeed(input), look);
+    const std::string at = look == 0 ? "" : " look " + std::to_string(look + 1);
+    const NodeId node = graph.add({makeShadowProbeNode(probe), {}, {input.light}, "shadow_probe:" + light.name + at, 0, input.scene, false});
+    GOBO_ASSIGN(const TermPtr judged, expand(graph, node));
+    if (!judged) return choice;
+    const double more = probe.judged;
+    choice.receivers = (pixels * choice.receivers + more * judged->plane<double>("share")[0]) / (pixels + more);
+    pixels += more;
+    for (size_t k = 0; k < rays; ++k) evidence[k].add(judged->plane<double>("mse")[k], judged->plane<double>("variance")[k], more);
+    for (size_t k = 0; k < evidence.size(); ++k) evidence[k].ms = time(k);
+    const auto askMap = [&](size_t k) -> Status {
+      const MapProbeSettings m{maps[k - rays], base.bias, base.slopeBias, soft ? softLight(light.shape).size : Vec2(0.0f), input.viewSamples, input.clear};
+      const std::string label = "map_probe:" + light.name + " " + std::to_string(m.map.resolution) + at;
+      const NodeId id = graph.add({makeMapProbeNode(m), {node}, {}, label, 0, input.scene, false});
+      GOBO_ASSIGN(const TermPtr term, expand(graph, id));
+      const double before = evidence[k].pixels;
+      penumbra[k] = (before * penumbra[k] + more * term->plane<double>("penumbra")[0]) / (before + more);
+      evidence[k].add(term->plane<double>("mse")[0], term->plane<double>("variance")[0], more);
+      evidence[k].ms = time(k);
+      return {};
+    };
+    if (look == 0) {
+      // Maps, cheapest first (they are in that order). One that cannot win by its time is not judged; its time is at least what is said of it.
+      for (size_t k = rays; k < evidence.size(); ++k) {
+        if (k > 0) {
+          const ProbeEvidence& best = evidence[chooseByEvidence(std::span(evidence).first(k), budget)];
+          if (budget.timeMs > 0 ? evidence[k].ms > budget.timeMs && best.ms <= budget.timeMs : best.high() <= budget.error && evidence[k].ms >= best.ms)
+            continue;
+        }
+        GOBO_TRY(askMap(k));
+      }
+    } else {
+      for (const size_t k : asked) GOBO_TRY(askMap(k));
+    }
+    choice.chosen = chooseByEvidence(evidence, budget);
+    const std::vector<size_t> rivals = rivalsOf(evidence, budget, choice.chosen);
+    if (look + 1 == looks.size()) break;
+    asked.clear();
+    for (const size_t k : rivals)
+      if (k >= rays) asked.push_back(k);
+    if (choice.chosen >= rays) asked.push_back(choice.chosen);
+    ShadowProbeSettings next = probe;
+    next.cells = looks[look + 1].cells;
+    next.split = looks[look + 1].split;
+    next.judged = looks[look + 1].judged;
+    const double taps = (soft ? kSoftTaps : kHardTaps) * double(asked.size()) * next.judged * input.viewSamples;
+    if (!worthAnotherLook(evidence, budget, choice.chosen, rivals, (shadowProbeRays(next) + taps) * cost.probeRay * deep * 1e-6)) break;
   }
-  // Nobody keeps the error: the cheapest of those that miss it by about as little as the best does.
-  const double least = choice.candidates[choice.chosen].rmse;
-  if (!a.has_time_ms() && least > error)
-    for (size_t k = 0; k < choice.candidates.size(); ++k)
-      if (choice.candidates[k].judged && choice.candidates[k].rmse <= kNearMiss * least && choice.candidates[k].ms < choice.candidates[choice.chosen].ms)
-        choice.chosen = k;
+  for (size_t k = 0; k < evidence.size(); ++k) {
+    AutomaticCandidate& c = choice.candidates[k];
+    c.ms = evidence[k].ms;
+    c.judged = evidence[k].judged();
+    c.rmse = evidence[k].high();
+  }
   return choice;
 }
 

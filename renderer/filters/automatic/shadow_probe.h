@@ -22,17 +22,19 @@ struct ProbeMap {
 struct ShadowProbeSettings {
   Camera camera;
   int width = 0, height = 0, viewSamples = 1;  ///< of the picture
-  int pixels = 300;                            ///< judged: evenly spread, at a random place in their cell each
+  int cells = 576, split = 64, judged = 128;   ///< ProbeDesign (probe_pixels.h); judged: 8 at least
   std::vector<uint32_t> rays;                  ///< ray counts per view sample to judge, ascending
   uint32_t truthRays = 16;                     ///< per view sample and half of the truth, at most 64; area lights
   uint64_t seed = 0;
   bool clear = false;  ///< what light passes straight on is not there: it is the same for all candidates (trace/solid_scene.h)
 };
 /// Term "shadow_probe", domain Table, an element per view sample of the judged pixels: planes P, Ng f32x3, instance u32 (a G-buffer for Receivers);
-/// a, b f32: two independent halves of the pixel's true visibility (of its first view sample's element; (V - a)(V - b) is free of the truth's own
-/// noise in the mean); lit f32: 1 where the light can shine. Planes rays f64: RMSE (a standard error above the estimate) of each ray count (first elements),
-/// share f64: share of the pixels that show a receiver (first element). A small output.
+/// lit f32: 1 where the light can shine. Of a pixel's first element: a, b f32: two independent halves of the pixel's true visibility ((V - a)(V - b) is free of
+/// the truth's own noise in the mean); weight f64, stratum u32: ProbePixel's. Planes mse, variance f64: mean squared error over what the light can shine on of
+/// each ray count, and the variance of that estimate (first elements); share f64: share of the pixels that show a receiver (first element).
 NodePtr makeShadowProbeNode(const ShadowProbeSettings& settings);
+/// Rays that it takes, at most.
+double shadowProbeRays(const ShadowProbeSettings& settings);
 
 struct MapProbeSettings {
   ProbeMap map;
@@ -41,8 +43,8 @@ struct MapProbeSettings {
   int viewSamples = 1;
   bool clear = false;  ///< as the shadow probe's
 };
-/// Term "map_probe", plane rmse f64 (the same bound): of the map's visibility over the pixels of input "shadow_probe". Hard: the bilinear comparison; soft:
-/// percentage-closer soft shadows with 36 + 64 taps. A small output.
+/// Term "map_probe", planes mse and variance f64 (as the shadow probe's): of the map's visibility over the pixels of input "shadow_probe". Hard: the bilinear
+/// comparison; soft: percentage-closer soft shadows with 36 + 64 taps. Plane penumbra f64: share of receivers that are partly lit by the map. A small output.
 NodePtr makeMapProbeNode(const MapProbeSettings& settings);
 
 }  // namespace gobo::inline filters

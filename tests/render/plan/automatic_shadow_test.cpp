@@ -119,7 +119,7 @@ TEST(AutomaticShadow, TimeBudgetsAreKept) {
 
 TEST(AutomaticShadow, HardShadowsAreRaysWhereRaysWin) {
   auto engine = makeEngine();
-  v1::RenderRequest automatic = request("sun", "auto.error=0.08"), rays = request("sun", "ray_traced.samples=1");
+  v1::RenderRequest automatic = request("sun", "auto.error=0.08", 48, 36), rays = request("sun", "ray_traced.samples=1", 48, 36);
   automatic.set_view_samples(8);  // a small picture, smooth edges: a map of the same error costs more than all its rays
   rays.set_view_samples(8);
   const RenderResult r = mustRender(*engine, automatic);

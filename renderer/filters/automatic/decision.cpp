@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "filters/automatic/decision.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/check.h"
+
+namespace gobo::inline filters {
+namespace {
+
+constexpr double kNearMiss = 1.25;     // what a probe cannot tell apart
+constexpr double kChance = 0.2;        // that a rival turns out to be the better one
+constexpr double kUnseen = 1.0 / 12;   // of the pixel that a probe without any error did not see: a straight edge's mean square against the pixel's area
+constexpr double kShareOfTime = 0.05;  // of a time budget, for another look
+
+bool betterEvidence(const ProbeEvidence& x, const ProbeEvidence& y, const ShadowBudget& b) {
+  const auto closer = [&] { return x.high() != y.high() ? x.high() < y.high() : x.ms < y.ms; };
+  if (b.timeMs > 0) {
+    const bool fx = x.ms <= b.timeMs, fy = y.ms <= b.timeMs;
+    return fx != fy ? fx : fx ? closer() : x.ms < y.ms;
+  }
+  const bool fx = x.high() <= b.error, fy = y.high() <= b.error;
+  return fx != fy ? fx : fx ? x.ms < y.ms : closer();
+}
+
+}  // namespace
+
+void ProbeEvidence::add(double otherMse, double otherVariance, double otherPixels) {
+  const double n = pixels + otherPixels;
+  if (!(n > 0)) return;
+  const double p = pixels / n, q = otherPixels / n;
+  mse = p * mse + q * otherMse;
+  variance = p * p * variance + q * q * otherVariance;
+  pixels = n;
+}
+double ProbeEvidence::high() const {
+  if (judged() && !(variance > 0)) return std::sqrt(std::max(mse, kUnseen / pixels));
+  return std::sqrt(std::max(0.0, mse + std::sqrt(std::max(0.0, variance))));
+}
+double ProbeEvidence::low() const { return std::sqrt(std::max(0.0, mse - std::sqrt(std::max(0.0, variance)))); }
+
+size_t chooseByEvidence(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget) {
+  size_t chosen = candidates.size();
+  for (size_t k = 0; k < candidates.size(); ++k)
+    if (candidates[k].judged() && (chosen == candidates.size() || betterEvidence(candidates[k], candidates[chosen], budget))) chosen = k;
+  GOBO_CHECK(chosen < candidates.size());
+  const double least = candidates[chosen].high();
+  if (!(budget.timeMs > 0) && least > budget.error)
+    for (size_t k = 0; k < candidates.size(); ++k)
+      if (candidates[k].judged() && candidates[k].high() <= kNearMiss * least && candidates[k].ms < candidates[chosen].ms) chosen = k;
+  return chosen;
+}
+
+std::vector<size_t> rivalsOf(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen) {
+  std::vector<size_t> out;
+  const double high = candidates[chosen].high();
+  for (size_t k = 0; k < candidates.size(); ++k) {
+    const ProbeEvidence& c = candidates[k];
+    if (k == chosen || !c.judged()) continue;
+    if (budget.timeMs > 0 ? c.ms <= budget.timeMs && c.low() < high
+                          : c.ms < candidates[chosen].ms && c.low() <= (high <= budget.error ? budget.error : kNearMiss * high))
+      out.push_back(k);
+  }
+  return out;
+}
+
+bool worthAnotherLook(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen, std::span<const size_t> rivals, double costMs) {
+  if (rivals.empty()) return false;
+  if (budget.timeMs > 0) return costMs <= kShareOfTime * budget.timeMs;
+  double saved = 0;
+  for (const size_t k : rivals) saved = std::max(saved, candidates[chosen].ms - candidates[k].ms);
+  return kChance * saved > costMs;
+}
+
+}  // namespace gobo::inline filters

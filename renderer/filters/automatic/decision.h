@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// What to choose from candidates whose errors are known to within their standard errors, and whether a closer look could pay for itself.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace gobo::inline filters {
+
+/// Predicted time of a candidate and what probes said of its error so far.
+struct ProbeEvidence {
+  double ms = 0;
+  double mse = 0, variance = 0;  ///< mean squared error of visibility; variance of that estimate
+  double pixels = 0;             ///< that it rests on; 0: not judged
+  /// Another probe's estimate, which saw other pixels.
+  void add(double otherMse, double otherVariance, double otherPixels);
+  bool judged() const { return pixels > 0; }
+  double high() const;  ///< RMSE a standard error (of the mean square) above the estimate: few pixels hold most of the error, and a probe sees few of them.
+                        ///< Where it saw none: as if the next pixel lay on an edge
+  double low() const;   ///< the same below
+};
+
+struct ShadowBudget {
+  double error = 0;   ///< RMSE of visibility
+  double timeMs = 0;  ///< 0: as little as the error allows; else the least error within it
+};
+
+/// Within an error: the cheapest that keeps it surely (high()); if none does, the cheapest of those that miss it by about as little as the best does. Within a
+/// time: the least error of those that fit, else the cheapest. Those that were not judged are not chosen; at least one must be judged.
+size_t chooseByEvidence(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget);
+/// Cheaper ones (within a time: any that fits) that would be chosen in the place of `chosen` if their errors were at the lower end of what is known.
+std::vector<size_t> rivalsOf(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen);
+/// Whether to look again at `chosen` and its rivals for `costMs`: a fifth of what the cheapest of them would save must be more than that. Within a
+/// time, what is looked at must stay a small part of it.
+bool worthAnotherLook(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen, std::span<const size_t> rivals, double costMs);
+
+}  // namespace gobo::inline filters

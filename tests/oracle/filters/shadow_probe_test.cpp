@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the probe of shadows.auto says of a picture from a hundred of its pixels, against the same errors over all of them: shadow rays by pixel centres and 256
+// places of each pixel, maps as they are made, rays of area lights against a thousand.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "filters/automatic/shadow_probe.h"
+#include "filters/shadow_map/techniques.h"
+#include "filters/soft_shadow/soft_shadow.h"
+#include "scene/load.h"
+#include "support/run_node.h"
+#include "support/shadow_stage.h"
+#include "support/stopping.h"
+#include "terms/light_points.h"
+
+namespace gobo::test::probe {
+namespace {
+
+constexpr int kProbeWidth = 120, kProbeHeight = 90, kProbeFine = 16, kProbeSeeds = 24;
+
+struct ProbeScene {
+  const char* scene;
+  const char* light;
+};
+ScenePtr sceneOf(const ProbeScene& s) {
+  auto made = makeBuiltinScene(s.scene);
+  GOBO_CHECK(made.ok());
+  return *made;
+}
+
+v1::ShadowTechnique rays(uint32_t samples) {
+  v1::ShadowTechnique t;
+  t.mutable_ray_traced()->set_samples(samples);
+  return t;
+}
+v1::ShadowTechnique map(uint32_t resolution, bool soft = false) {
+  v1::ShadowTechnique t;
+  t.mutable_map()->set_resolution(resolution);
+  if (soft) t.mutable_percentage_closer_soft();
+  else t.mutable_percentage_closer();
+  return t;
+}
+
+/// Whether the light can shine on each view sample.
+std::vector<char> receivers(const ShadowRun& run, const Scene& scene, int light) {
+  const std::vector<int> subset{light};
+  const SceneView view(scene, Facet::All, subset);
+  const LightPoints points(view, light);
+  std::vector<char> out(run.size());
+  for (size_t i = 0; i < run.size(); ++i) {
+    LightPoint p;
+    out[i] = run.surface(i) && points.sample(run.at("P", i), run.at("Ng", i), run.at("Ng", i), Vec2(0.5f), p);
+  }
+  return out;
+}
+
+struct Brute {
+  std::vector<float> truth;
+  std::vector<char> lit;
+  double mse(std::span<const float> V) const {
+    double sum = 0, count = 0;
+    for (size_t p = 0; p < truth.size(); ++p)
+      if (lit[p]) sum += (double(V[p]) - truth[p]) * (double(V[p]) - truth[p]), ++count;
+    return sum / count;
+  }
+};
+Brute hardTruth(const ScenePtr& scene, int light) {
+  const ShadowRun coarse = runShadow(scene, rays(1), {kProbeWidth, kProbeHeight}, light), fine = runShadow(scene, rays(1), {kProbeWidth * kProbeFine, kProbeHeight * kProbeFine}, light);
+  Brute b{std::vector<float>(coarse.size(), 1.0f), receivers(coarse, *scene, light)};
+  const std::vector<char> lit = receivers(fine, *scene, light);
+  for (size_t p = 0; p < b.truth.size(); ++p) {
+    double sum = 0, count = 0;
+    for (size_t j = 0; j < kProbeFine; ++j)
+      for (size_t i = 0; i < kProbeFine; ++i) {
+        const size_t e = (p / kProbeWidth * kProbeFine + j) * (kProbeWidth * kProbeFine) + p % kProbeWidth * kProbeFine + i;
+        if (lit[e]) sum += fine.V()[e], ++count;
+      }
+    if (count > 0) b.truth[p] = float(sum / count);
+  }
+  return b;
+}
+
+struct Probed {
+  std::vector<double> mse, variance;
+  double share = 0;
+};
+/// Ray counts, then one map (resolution 0: none).
+Probed probed(const ScenePtr& scene, int light, uint64_t seed, const std::vector<uint32_t>& counts, int resolution, int threads = 2) {
+  NodeId probe = -1;
+  const LightShape& shape = scene->lights[size_t(light)].shape;
+  const bool soft = !isDeltaLight(shape);
+  const ShadowRun r = runPlanned(
+      scene,
+      [&](Graph& g, const ShadowInput& in) -> Result<NodeId> {
+        ShadowProbeSettings s;
+        s.camera = in.camera;
+        s.width = in.width;
+        s.height = in.height;
+        s.judged = 96;
+        s.rays = counts;
+        s.seed = seed;
+        probe = g.add({makeShadowProbeNode(s), {}, {in.light}, "probe", 0, in.scene, false});
+        if (!resolution) return probe;
+        MapProbeSettings m;
+        Vec3 lo, hi;
+        in.scene->bounds(lo, hi);
+        const v1::ShadowTechnique t = map(uint32_t(resolution), soft);
+        const ShadowMapSettings base = shadowMapSettings(t.map());
+        m.map.resolution = resolution;
+        GOBO_ASSIGN(m.map.frames, fitLightFrames(shape, lo, hi, resolution, 2));
+        m.bias = base.bias;
+        m.slopeBias = base.slopeBias;
+        if (soft) m.size = softLight(shape).size;
+        return g.add({makeMapProbeNode(m), {probe}, {}, "map", 0, in.scene, false});
+      },
+      {kProbeWidth, kProbeHeight, threads}, light);
+  GOBO_CHECK(r.ok());
+  Probed p;
+  const Term& t = *r.terms[size_t(probe)];
+  for (size_t k = 0; k < counts.size(); ++k) {
+    p.mse.push_back(t.plane<double>("mse")[k]);
+    p.variance.push_back(t.plane<double>("variance")[k]);
+  }
+  p.share = t.plane<double>("share")[0];
+  if (resolution) {
+    p.mse.push_back(r.terms.back()->plane<double>("mse")[0]);
+    p.variance.push_back(r.terms.back()->plane<double>("variance")[0]);
+  }
+  return p;
+}
+
+/// Means over seeds against the truth, and how often it lies within two standard errors: less often than a normal distribution's, because few pixels hold most
+/// of the error (what is left out then is small, and a probe that has not seen it does not know).
+void expectRight(const std::string& what, const std::vector<double>& mse, const std::vector<double>& variance, double truth, double slack) {
+  const double n = double(mse.size());
+  double mean = 0, squares = 0;
+  int within = 0;
+  for (size_t i = 0; i < mse.size(); ++i) {
+    mean += mse[i] / n;
+    squares += mse[i] * mse[i] / n;
+    within += std::fabs(mse[i] - truth) <= 2 * std::sqrt(variance[i]) + slack * truth;
+  }
+  const double error = std::sqrt(std::max(0.0, squares - mean * mean) / (n - 1));
+  EXPECT_NEAR(mean, truth, 3.5 * error + slack * truth) << what;
+  EXPECT_GE(within, int(0.6 * n)) << what << ": truth " << truth << ", mean " << mean;
+}
+
+TEST(ShadowProbe, HardErrorsAreThoseOfThePicture) {
+  for (const ProbeScene& s : {ProbeScene{"fence", "sun"}, {"trees", "sun"}, {"lights8", "a"}, {"atrium", "sun"}}) {
+    const ScenePtr scene = sceneOf(s);
+    const int light = scene->findLight(s.light);
+    ASSERT_GE(light, 0);
+    const Brute brute = hardTruth(scene, light);
+    std::vector<double> mse[2], variance[2];
+    double share = 0;
+    for (uint64_t seed = 1; seed <= kProbeSeeds; ++seed) {
+      const Probed p = probed(scene, light, seed, {1}, 512);
+      share += p.share / kProbeSeeds;
+      for (size_t k = 0; k < 2; ++k) {
+        mse[k].push_back(p.mse[k]);
+        variance[k].push_back(p.variance[k]);
+      }
+    }
+    double lit = 0;
+    for (const char c : brute.lit) lit += c;
+    EXPECT_NEAR(share, lit / double(brute.lit.size()), 0.02) << s.scene;
+    // The truth's own 256 places are no infinity; maps by rays through texel centres are scan conversion's but for edges of triangles.
+    expectRight(std::string(s.scene) + ", a ray", mse[0], variance[0], brute.mse(runShadow(scene, rays(1), {kProbeWidth, kProbeHeight}, light).V()), 0.03);
+    expectRight(std::string(s.scene) + ", a map", mse[1], variance[1], brute.mse(runShadow(scene, map(512), {kProbeWidth, kProbeHeight}, light).V()), 0.08);
+  }
+}
+
+TEST(ShadowProbe, SoftErrorsAreThoseOfThePicture) {
+  for (const ProbeScene& s : {ProbeScene{"fence", "key"}, {"spheres", "key"}}) {
+    const ScenePtr scene = sceneOf(s);
+    const int light = scene->findLight(s.light);
+    const ShadowRun truth = runShadow(scene, rays(1024), {kProbeWidth, kProbeHeight}, light);
+    const Brute brute{std::vector<float>(truth.V().begin(), truth.V().end()), receivers(truth, *scene, light)};
+    std::vector<double> mse[2], variance[2];
+    for (uint64_t seed = 1; seed <= kProbeSeeds; ++seed) {
+      const Probed p = probed(scene, light, seed, {1, 4}, 0);
+      for (size_t k = 0; k < 2; ++k) {
+        mse[k].push_back(p.mse[k]);
+        variance[k].push_back(p.variance[k]);
+      }
+    }
+    expectRight(std::string(s.scene) + ", 1 ray", mse[0], variance[0], brute.mse(runShadow(scene, rays(1), {kProbeWidth, kProbeHeight}, light).V()), 0.08);
+    expectRight(std::string(s.scene) + ", 4 rays", mse[1], variance[1], brute.mse(runShadow(scene, rays(4), {kProbeWidth, kProbeHeight}, light).V()), 0.08);
+  }
+}
+
+TEST(ShadowProbe, IsTheSameForAnyNumberOfThreads) {
+  for (const ProbeScene& s : {ProbeScene{"fence", "sun"}, {"fence", "key"}}) {
+    const ScenePtr scene = sceneOf(s);
+    const int light = scene->findLight(s.light);
+    const Probed one = probed(scene, light, 5, {1}, 256, 1), many = probed(scene, light, 5, {1}, 256, 7);
+    EXPECT_EQ(one.mse, many.mse);
+    EXPECT_EQ(one.variance, many.variance);
+    EXPECT_EQ(one.share, many.share);
+  }
+}
+
+TEST(ShadowProbe, StopsWhereverItIsAsked) {
+  const ScenePtr scene = sceneOf({"fence", "sun"});
+  const int light = scene->findLight("sun");
+  ShadowProbeSettings s;
+  s.camera = scene->cameras[0];
+  s.width = kProbeWidth;
+  s.height = kProbeHeight;
+  s.rays = {1};
+  const NodePtr node = makeShadowProbeNode(s);
+  AccelCache accels;
+  const TaskArena arena(1);
+  const auto run = [&](const StopToken& stop) {
+    const std::vector<int> lights{light};
+    const SceneView view(*scene, node->traits().facets, lights);
+    RunContext ctx;
+    ctx.scene = &view;
+    ctx.arena = &arena;
+    ctx.accels = &accels;
+    ctx.stop = stop;
+    return runNode(*node, ctx);
+  };
+  ASSERT_TRUE(run({}).ok());
+  const int polls = tests::pollsOf([&](const StopToken& stop) { (void)run(stop); });
+  EXPECT_GE(polls, 8) << "looks at two levels, then pixels";
+  for (int n = 1; n <= polls; n += std::max(1, polls / 12)) {
+    const auto r = run(tests::stopAt(n));
+    ASSERT_FALSE(r.ok()) << n;
+    EXPECT_EQ(r.status().code(), Code::Cancelled) << n;
+  }
+}
+
+}  // namespace
+}  // namespace gobo::test::probe
