@@ -135,9 +135,10 @@ int main(int argc, char** argv) {
   if (command == "costs") return costs(o);
   if (command == "scenes") return scenes(o);
   if (command == "sheared") return sheared(o);
-  std::fprintf(stderr,
-               "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | filtered | modes | table31 | claims | regret | costs   (the head of "
-               "bench/shadow_bench.cpp "
-               "has the options)\n");
+  std::fprintf(
+      stderr,
+      "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | filtered | modes | table31 | claims | regret | costs   (the head of "
+      "bench/shadow_bench.cpp "
+      "has the options)\n");
   return 2;
 }

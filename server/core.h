@@ -34,7 +34,7 @@ class DurableJobs;  // server/jobs/durable_jobs.h
 
 namespace gobo::inline server {
 
-class FileStore;    // server/file_store.h
+class FileStore;  // server/file_store.h
 
 class ServerCore {
  public:

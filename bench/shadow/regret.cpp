@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Regret of shadows.auto: the time of what it picks, probe included, over the time of the fastest technique that a request can name, of the whole sweep
-// and of its own candidates, that keeps the same error. Costs and probe were fitted on fence, planes, grids and boxes (column "tuned"); the other scenes were not
-// looked at for that. Times of what is nearly best are measured in turns, so that a busy machine slows all of them alike.
+// and of its own candidates, that keeps the same error. Costs and probe were fitted on fence, planes, grids and boxes (column "tuned"); the other scenes were
+// not looked at for that. Times of what is nearly best are measured in turns, so that a busy machine slows all of them alike.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

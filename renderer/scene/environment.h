@@ -20,7 +20,6 @@ class MappedFile;  // base/mapped_file.h
 
 namespace gobo::inline scene {
 
-
 struct Environment {
   std::string name;
   int width = 0, height = 0;

@@ -27,7 +27,6 @@ class MappedFile;  // base/mapped_file.h
 
 namespace gobo::inline scene {
 
-
 struct Instance {
   std::string name;  ///< unique; glTF node name (+ "#k" for further primitives or duplicates)
   int mesh = 0;

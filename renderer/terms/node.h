@@ -21,12 +21,11 @@
 #include "terms/term_shape.h"
 
 namespace gobo::inline trace {
-class Accel;  // trace/accel.h
+class Accel;       // trace/accel.h
 class AccelCache;  // acceleration structures shared by the nodes of an engine
-}
+}  // namespace gobo::inline trace
 
 namespace gobo::inline terms {
-
 
 /// What the node claims about itself. Every node of every kind is held to them (tests/render/plan/node_claims_test.cpp).
 struct NodeTraits {

@@ -17,17 +17,17 @@ namespace {
 
 // Nanoseconds on the machine of docs/benchmarks.md (2 cores), by `bench/shadow_bench costs`.
 struct Costs {
-  double sample = 2;                                            // a view sample that only background or the wrong side shows
-  double shadowRay = 13, softRay = 40;                          // one occlusion query with its set-up, in packets, among 1000 triangles
-  double tree = 0.38, alpha = 0.8;                              // rays: share more per doubling of triangles; per share of triangles with alpha
+  double sample = 2;                                             // a view sample that only background or the wrong side shows
+  double shadowRay = 13, softRay = 40;                           // one occlusion query with its set-up, in packets, among 1000 triangles
+  double tree = 0.38, alpha = 0.8;                               // rays: share more per doubling of triangles; per share of triangles with alpha
   double depthTexel = 0.45, depthEdge = 11, depthTriangle = 15;  // scan conversion: t texels and r triangles cost a t + b sqrt(r t) + c r
-  double hardLookup = 5.5;                                      // percentage-closer
-  double softTexel = 0.4, softSearch = 22, softFilter = 88;     // depth bounds; a lookup: the search, and the rest in penumbras
-  double probeRay = 25;                                         // a ray of a probe
+  double hardLookup = 5.5;                                       // percentage-closer
+  double softTexel = 0.4, softSearch = 22, softFilter = 88;      // depth bounds; a lookup: the search, and the rest in penumbras
+  double probeRay = 25;                                          // a ray of a probe
   double depth(double texels, double triangles) const { return depthTexel * texels + depthEdge * std::sqrt(texels * triangles) + depthTriangle * triangles; }
 };
 
-constexpr uint32_t kEnvironmentRays = 4;             // bench/environment_bench
+constexpr uint32_t kEnvironmentRays = 4;  // bench/environment_bench
 // Looks, each closer than those before: numbers of ProbeDesign. A later one is taken only where it can pay for itself (decision.h).
 struct LookSize {
   int cells, split, judged;

@@ -32,7 +32,6 @@ size_t evenly(int i, int count, size_t among, uint64_t seed) {
   return std::min(size_t((double(i) + start) * double(among) / double(count)), among - 1);
 }
 
-
 ProbeCells gridOf(const ProbeDesign& d, int& across, int& down) {
   const double wanted = std::max(1.0, std::min(double(d.cells), double(d.width) * d.height / 4.0));
   across = std::clamp(int(std::lround(std::sqrt(wanted * d.width / d.height))), 1, d.width);

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which pixels of a picture a probe looks at closely, when the error that it looks for is near edges of shadows and these are rare: two-phase sampling with
 // stratification (Neyman 1938), on a tree. A first look at one random pixel of each cell of a grid; cells that see something else than a neighbour does hold an
-// edge, some of them are cut into four, each with a look of its own, and so on. Pixels to judge are drawn half from the last level's cells with an edge and half
-// from all that looked even on the way. Every step draws with known probability, so
+// edge, some of them are cut into four, each with a look of its own, and so on. Pixels to judge are drawn half from the last level's cells with an edge and
+// half from all that looked even on the way. Every step draws with known probability, so
 //     sum over judged pixels of weight * f(pixel)     has the mean of f over the picture as its expectation
 // for any f, whether the looks tell much about it or not; an f that lies at edges has a far smaller variance than by even sampling.
-// Cost: cells + 4 * split * levels looks, `judged` pixels. Deterministic in the seed. Fails to help (but stays right) where edges are everywhere or looks see none.
+// Cost: cells + 4 * split * levels looks, `judged` pixels. Deterministic in the seed. Fails to help (but stays right) where edges are everywhere or looks see
+// none.
 #pragma once
 
 #include <cstdint>
@@ -57,7 +58,7 @@ class StratifiedSum {
 
  private:
   double partVariance() const;
-  double sum_ = 0, variance_ = 0;                      // of finished strata
+  double sum_ = 0, variance_ = 0;                         // of finished strata
   double part_ = 0, mean_ = 0, squares_ = 0, count_ = 0;  // of the current one: Welford's sums
   uint32_t stratum_ = 0;
 };

@@ -16,7 +16,7 @@
 namespace gobo::inline filters {
 namespace {
 
-constexpr size_t kGrain = 8;      // pixels a task
+constexpr size_t kGrain = 8;       // pixels a task
 constexpr size_t kLookGrain = 64;  // the same of the first looks
 constexpr int kTruthSamples = 8;   // over a pixel, each half: both in one packet
 constexpr uint32_t kMostRays = 64;
@@ -103,7 +103,8 @@ class ShadowProbeNode final : public Node {
                       pixels.size(), kLookGrain,
                       [&](size_t from, size_t to) {
                         uint64_t rays = 0;
-                        for (size_t i = from; i < to; i += 16) glance(scene, light, eye, pixels.subspan(i, std::min<size_t>(16, to - i)), seen.subspan(i), rays);
+                        for (size_t i = from; i < to; i += 16)
+                          glance(scene, light, eye, pixels.subspan(i, std::min<size_t>(16, to - i)), seen.subspan(i), rays);
                         if (ctx.counters) ctx.counters->rays += rays;
                       },
                       ctx.stop);
@@ -172,8 +173,7 @@ class ShadowProbeNode final : public Node {
       rays += uint64_t(waiting);
       for (int w = 0; w < waiting; ++w) (blocked >> w & 1 ? shut : open)[of[w]] = true;
     }
-    for (int i = 0; i < count; ++i)
-      seen[size_t(i)] = open[i] ? (shut[i] ? ProbeSeen::Both : ProbeSeen::Lit) : shut[i] ? ProbeSeen::Dark : ProbeSeen::Nothing;
+    for (int i = 0; i < count; ++i) seen[size_t(i)] = open[i] ? (shut[i] ? ProbeSeen::Both : ProbeSeen::Lit) : shut[i] ? ProbeSeen::Dark : ProbeSeen::Nothing;
   }
 
   /// Hard shadows: view samples, then the pixel's area in two halves, all in packets.

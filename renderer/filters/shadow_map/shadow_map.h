@@ -23,7 +23,6 @@ class ComputeDevice;
 
 namespace gobo::inline filters {
 
-
 /// v1::ShadowMapSettings with its defaults filled in.
 struct ShadowMapSettings {
   int resolution = 1024, blur = 1, anisotropy = 16;

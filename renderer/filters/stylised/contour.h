@@ -37,7 +37,6 @@ class Term;
 
 namespace gobo::inline filters {
 
-
 struct ContourSegment {
   Vec3 a{0.0f}, b{0.0f};
   Vec3 normal{0.0f};  ///< of the receiver, unit: mean of the samples that the segment parts

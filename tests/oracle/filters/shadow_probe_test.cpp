@@ -66,7 +66,8 @@ struct Brute {
   }
 };
 Brute hardTruth(const ScenePtr& scene, int light) {
-  const ShadowRun coarse = runShadow(scene, rays(1), {kProbeWidth, kProbeHeight}, light), fine = runShadow(scene, rays(1), {kProbeWidth * kProbeFine, kProbeHeight * kProbeFine}, light);
+  const ShadowRun coarse = runShadow(scene, rays(1), {kProbeWidth, kProbeHeight}, light),
+                  fine = runShadow(scene, rays(1), {kProbeWidth * kProbeFine, kProbeHeight * kProbeFine}, light);
   Brute b{std::vector<float>(coarse.size(), 1.0f), receivers(coarse, *scene, light)};
   const std::vector<char> lit = receivers(fine, *scene, light);
   for (size_t p = 0; p < b.truth.size(); ++p) {

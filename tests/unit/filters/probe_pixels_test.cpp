@@ -32,10 +32,11 @@ std::vector<ProbePicture> pictures() {
   const auto lit = [](bool b) { return b ? ProbeSeen::Lit : ProbeSeen::Dark; };
   return {{"slanted edge", 320, 240, [=](int x, int y) { return lit(3 * x + 5 * y < 1100); }},
           {"thin bars", 320, 240, [=](int x, int y) { return lit(x % 13 < 3 && y > 60); }},
-          {"sky and disk", 320, 240,
-           [=](int x, int y) { return y < 90 ? ProbeSeen::Nothing : lit((x - 150) * (x - 150) + (y - 170) * (y - 170) > 1600); }},
+          {"sky and disk", 320, 240, [=](int x, int y) { return y < 90 ? ProbeSeen::Nothing : lit((x - 150) * (x - 150) + (y - 170) * (y - 170) > 1600); }},
           {"leaves", 200, 150, [=](int x, int y) { return lit(hash64(uint64_t(x / 2), uint64_t(y / 2)) & 1); }},
-          {"penumbra", 320, 240, [=](int x, int) { return x < 100 ? ProbeSeen::Dark : x < 160 ? ProbeSeen::Both : ProbeSeen::Lit; }},
+          {"penumbra", 320, 240, [=](int x, int) { return x < 100   ? ProbeSeen::Dark
+                                                          : x < 160 ? ProbeSeen::Both
+                                                                    : ProbeSeen::Lit; }},
           {"small", 23, 17, [=](int x, int y) { return lit(x > y); }}};
 }
 

@@ -166,14 +166,14 @@ TEST(Straight, VolumesOfIndexOneDimByTheirDepthUnderEveryLight) {
     SCOPED_TRACE(int(kind));
     const Measured bare = estimate(FloorUnder(kind, {}), 64);
     // Two slabs apart, and one of another kind inside the upper: it counts where it is.
-    const Measured e =
-        estimate(FloorUnder(kind,
-                           [&](SceneMaker& m) {
-                             m.instance(m.mesh(box(Vec3(-60, 2, -60), Vec3(60, 2.5f, 60)), m.material(Vec3(1.0f), volume(1.0f, colour, 1.0f))));
-                             m.instance(m.mesh(box(Vec3(-60, 4, -60), Vec3(60, 5.5f, 60)), m.material(Vec3(1.0f), volume(1.0f, colour, 2.0f))));
-                             m.instance(m.mesh(box(Vec3(-50, 4.5f, -50), Vec3(50, 5, 50)), m.material(Vec3(1.0f), volume(1.0f, Vec3(0.5f, 1.0f, 1.0f), 1.0f))));
-                           }),
-                64);
+    const Measured e = estimate(
+        FloorUnder(kind,
+                   [&](SceneMaker& m) {
+                     m.instance(m.mesh(box(Vec3(-60, 2, -60), Vec3(60, 2.5f, 60)), m.material(Vec3(1.0f), volume(1.0f, colour, 1.0f))));
+                     m.instance(m.mesh(box(Vec3(-60, 4, -60), Vec3(60, 5.5f, 60)), m.material(Vec3(1.0f), volume(1.0f, colour, 2.0f))));
+                     m.instance(m.mesh(box(Vec3(-50, 4.5f, -50), Vec3(50, 5, 50)), m.material(Vec3(1.0f), volume(1.0f, Vec3(0.5f, 1.0f, 1.0f), 1.0f))));
+                   }),
+        64);
     Estimate want = bare[0];
     for (int c = 0; c < 3; ++c) {
       const double left = std::pow(double(colour[c]), 0.5 + 0.5) * (c == 0 ? std::pow(0.5, 0.5) : 1.0);
