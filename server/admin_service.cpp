@@ -8,7 +8,8 @@
 #include "server/server_metrics.h"
 #include "server/term_selection.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// How long the first status waits for drivers, and for the layers of the sandbox, to be found; the next one has them.
 static constexpr double kProbeSeconds = 0.25;
@@ -140,4 +141,5 @@ grpc::Status AdminService::Shutdown(grpc::ServerContext* context, const v1::Shut
   });
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

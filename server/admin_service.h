@@ -5,7 +5,8 @@
 #include "gobo/v1/service.grpc.pb.h"
 #include "server/core.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class AdminService final : public v1::Admin::Service {
  public:
@@ -22,4 +23,5 @@ class AdminService final : public v1::Admin::Service {
   ServerCore& core_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

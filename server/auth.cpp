@@ -8,7 +8,8 @@
 #include "server/encode.h"
 #include "server/rpc.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 namespace {
 constexpr size_t kBearer = 7;  // of "Bearer "
@@ -116,4 +117,5 @@ size_t TokenBook::count() const {
   return entries_.size();
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -15,7 +15,8 @@
 
 #include "server/config.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// What one token has used.
 struct TokenUse {
@@ -74,4 +75,5 @@ class TokenBook {
   bool always_ = false;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -19,7 +19,8 @@
 #include "server/encode.h"
 #include "server/log.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 namespace fs = std::filesystem;
@@ -301,4 +302,5 @@ uint64_t BlobCache::bytes() const {
   return total;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -21,7 +21,8 @@
 #include "base/status.h"
 #include "scene/blob.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 std::string blobKeyHex(const BlobKey& key);
 BlobKey blobKeyOf(const std::string& hex64);
@@ -87,4 +88,5 @@ class BlobCache {
   mutable uint64_t checks_ = 0;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -5,7 +5,8 @@
 
 #include "server/limits.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 namespace {
 constexpr int kMostAsked = 10001;  // what one scene may have: its file and those beside it
@@ -92,4 +93,5 @@ Result<EnvironmentFile> environmentFile(const Rpc& rpc, const v1::RenderRequest&
   return out;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

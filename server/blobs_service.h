@@ -6,7 +6,8 @@
 #include "server/file_store.h"
 #include "server/serve.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class BlobsService final : public v1::Blobs::Service {
  public:
@@ -27,4 +28,5 @@ struct EnvironmentFile {
 /// Of what the caller of `rpc` has put. Errors at `field`: as FileStore::environment.
 Result<EnvironmentFile> environmentFile(const Rpc& rpc, const v1::RenderRequest& request, const std::string& field, const StopToken& stop);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

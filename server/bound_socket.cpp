@@ -9,7 +9,8 @@
 #include <cstdlib>
 #include <cstring>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 Status cannot(const std::string& address) {
@@ -62,4 +63,5 @@ Result<BoundSockets> bindTcp(const std::string& text) {
   return bound;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "base/status.h"
 #include "server/config.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 struct BoundSockets {
   std::vector<Descriptor> sockets;  ///< non-blocking; one for each address of the name, all with one port
@@ -19,4 +20,5 @@ struct BoundSockets {
 /// `text`: the address as configured. Errors: Unavailable "cannot listen on ...".
 Result<BoundSockets> bindTcp(const std::string& text);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -19,7 +19,8 @@
 #include "server/load_gate.h"
 #include "server/machine_memory.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 namespace fs = std::filesystem;
@@ -442,4 +443,5 @@ Status checkConfig(ServerConfig& c) {
   return {};
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

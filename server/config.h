@@ -11,7 +11,8 @@
 #include "base/status.h"
 #include "server/log.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// One [[tokens]] table. Zero and empty mean: no bound of the token's own.
 struct TokenConfig {
@@ -155,4 +156,5 @@ Result<Address> parseAddress(const std::string& text);
 /// 127.0.0.0/8, ::1, localhost.
 bool isLoopback(const std::string& host);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

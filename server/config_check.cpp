@@ -5,7 +5,8 @@
 #include <filesystem>
 #include <set>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 namespace fs = std::filesystem;
 
@@ -154,4 +155,5 @@ ServerConfig reloaded(const ServerConfig& running, const ServerConfig& next) {
   return c;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

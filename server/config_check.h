@@ -4,11 +4,13 @@
 
 #include "server/config.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// One token by itself: name, digest, classes. Errors: InvalidArgument "tokens.KEY = VALUE: must be ...".
 Status checkToken(const TokenConfig& token);
 /// Addresses, TLS, tokens together. Errors: PermissionDenied for an address that would be open to the network, InvalidArgument.
 Status checkSecurity(const ServerConfig& config);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -4,7 +4,8 @@
 #include "server/log.h"
 #include "server/server_metrics.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 namespace {
 
@@ -122,4 +123,5 @@ size_t ServerCore::running() const {
   return calls_.size();
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -28,11 +28,14 @@
 #include "server/sessions.h"
 #include "server/shared_limit.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 class DurableJobs;  // server/jobs/durable_jobs.h
 }
+}  // namespace gobo
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class FileStore;  // server/file_store.h
 
@@ -112,4 +115,5 @@ class ServerCore {
   std::list<StopSource*> calls_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "device/egl/egl_device.h"
 #include "device/vulkan/vulkan_device.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 std::string cpuText() {
@@ -61,4 +62,5 @@ std::vector<std::string> DeviceProbe::list(double waitSeconds) {
   return {cpu_, vulkan_.empty() ? "vulkan: being looked for" : vulkan_, egl_.empty() ? "egl: being looked for" : egl_};
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include <thread>
 #include <vector>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class DeviceProbe {
  public:
@@ -26,4 +27,5 @@ class DeviceProbe {
   std::thread thread_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

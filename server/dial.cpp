@@ -4,7 +4,8 @@
 #include "base/image_io.h"
 #include "server/config.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 namespace {
 
@@ -50,4 +51,5 @@ Result<Dialled> dial(const DialOptions& o) {
   return out;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

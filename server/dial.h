@@ -10,7 +10,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 struct DialOptions {
   std::string address;       ///< "unix:PATH" or "HOST:PORT"
@@ -30,4 +31,5 @@ struct Dialled {
 /// Errors: InvalidArgument that names the option; NotFound, PermissionDenied of its files.
 Result<Dialled> dial(const DialOptions& options);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -19,7 +19,8 @@
 #include "plan/outputs.h"
 #include "request/request.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 /// Distances of this size are to nothing, or a mean with such (shadow_distance).
@@ -337,4 +338,5 @@ Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
   return encoded;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -19,7 +19,8 @@
 #include "plan/engine.h"
 #include "terms/scratch.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// Of an encoder, or of a picture's size and to be filled: then from the pool of terms, since fresh memory costs more than writing it.
 class PictureBytes {
@@ -86,4 +87,5 @@ ExrCompression exrCompressionOf(v1::Encoding::Compression compression);
 /// format.
 Result<std::vector<EncodedImage>> encodeImages(RenderResult& result);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/encode_pace.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 double EncodePace::expectedMs(v1::Encoding::Format format, uint64_t pixels) const {
   if (!v1::Encoding::Format_IsValid(format)) return 0;
@@ -18,4 +19,5 @@ void EncodePace::took(v1::Encoding::Format format, uint64_t pixels, double ms) {
   known = known == 0 ? now : known + 0.25 * (now - known);
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -9,7 +9,8 @@
 
 #include "gobo/v1/render.pb.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class EncodePace {
  public:
@@ -22,4 +23,5 @@ class EncodePace {
   std::array<double, v1::Encoding::Format_ARRAYSIZE> msPerPixel_{};
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

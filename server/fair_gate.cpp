@@ -4,7 +4,8 @@
 #include <chrono>
 #include <tuple>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 static constexpr std::chrono::milliseconds kLeftEvery{10};  // between two looks at whether a waiter has gone
 
@@ -82,4 +83,5 @@ std::optional<FairGate::Place> FairGate::enter(const std::string& client, const 
   return std::nullopt;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -14,7 +14,8 @@
 #include <string>
 #include <utility>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class FairGate {
  public:
@@ -69,4 +70,5 @@ class FairGate {
   uint64_t calls_ = 0;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -10,7 +10,8 @@
 
 #include "server/encode.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 Result<std::string> fileDigest(int fd, const std::string& name, const DigestLimit& limit, const StopToken& stop) {
   const auto tooLarge = [&](uint64_t bytes) {
@@ -33,4 +34,5 @@ Result<std::string> fileDigest(int fd, const std::string& name, const DigestLimi
   }
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

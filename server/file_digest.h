@@ -9,7 +9,8 @@
 #include "base/status.h"
 #include "base/stop.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 struct DigestLimit {
   uint64_t bytes = UINT64_MAX;
@@ -20,4 +21,5 @@ struct DigestLimit {
 /// when the file grows beyond it; Cancelled; Unavailable.
 Result<std::string> fileDigest(int fd, const std::string& name, const DigestLimit& limit, const StopToken& stop);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -16,7 +16,8 @@
 #include "scene/file_source.h"
 #include "server/log.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 namespace fs = std::filesystem;
 
@@ -531,4 +532,5 @@ Result<std::shared_ptr<const FileTree>> FileStore::environment(const std::string
   return made;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -23,7 +23,8 @@
 #include "base/stop.h"
 #include "server/encode.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 struct FileStoreOptions {
   std::string folder;              ///< made if it is not there; empty: a fresh one under tmpFolder with the first file, which goes with the store
@@ -154,4 +155,5 @@ class FileStore : public std::enable_shared_from_this<FileStore> {
   uint64_t turns_ = 0;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include <chrono>
 #include <fstream>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 namespace {
 constexpr std::chrono::seconds kEvery{1};
@@ -43,4 +44,5 @@ uint64_t FreedMemory::look() {
   return before - std::min(before, stuck_);
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

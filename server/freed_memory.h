@@ -8,7 +8,8 @@
 
 #include "server/repeating.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class FreedMemory {
  public:
@@ -29,4 +30,5 @@ class FreedMemory {
   Repeating looking_;   ///< last: it ends before what it uses
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

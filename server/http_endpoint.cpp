@@ -12,7 +12,8 @@
 #include "server/core.h"
 #include "server/server_metrics.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 using Clock = std::chrono::steady_clock;
 
@@ -114,4 +115,5 @@ Result<std::unique_ptr<HttpEndpoint>> HttpEndpoint::start(ServerCore& core, cons
   return self;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -11,7 +11,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class ServerCore;
 
@@ -32,4 +33,5 @@ class HttpEndpoint {
   std::string address_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

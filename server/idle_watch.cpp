@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/idle_watch.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 using Clock = std::chrono::steady_clock;
 static constexpr std::chrono::milliseconds kLook{100};
@@ -29,4 +30,5 @@ void IdleWatch::look() {
   }
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

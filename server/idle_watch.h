@@ -13,7 +13,8 @@
 
 #include "server/repeating.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class IdleWatch {
  public:
@@ -46,4 +47,5 @@ class IdleWatch {
   Repeating looking_;  // from the first wait; last: it ends before what it looks at
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -22,7 +22,8 @@
 #include "scene/file_source.h"
 #include "server/encode.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -249,4 +250,5 @@ Result<IngestOutcome> runIngest(Readers& readers, const ingest::Job& job, int ou
   return outcome;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

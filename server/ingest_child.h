@@ -11,7 +11,8 @@
 #include "ingest/wire.h"
 #include "server/reader_process.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// SHA-256 in hex, "absent" when there is no such file; the file's stamp if that was settled before and the same after.
 struct SideFile {
@@ -36,4 +37,5 @@ std::string findIngestProgram();
 /// Internal when it crashed before, cannot be started, or tried what its sandbox forbids; Cancelled.
 Result<IngestOutcome> runIngest(Readers& readers, const ingest::Job& job, int output, double wallSeconds, const StopToken& stop);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -24,7 +24,8 @@
 #include "server/ingest_child.h"
 #include "server/log.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 constexpr const char* kCannotWrite = "cannot write the blob";  // begins what a child says whose output takes no more
@@ -245,4 +246,5 @@ Result<std::shared_ptr<SceneLoader>> childLoader(const IngestOptions& wanted) {
   return std::shared_ptr<SceneLoader>(std::make_shared<ChildLoader>(options, std::move(cache)));
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

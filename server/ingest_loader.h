@@ -11,7 +11,8 @@
 
 #include "scene/loader.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 struct IngestOptions {
   std::string program;      ///< gobo-ingest; empty: found beside the running program
@@ -32,4 +33,5 @@ struct IngestOptions {
 /// A cache folder that cannot be made or written to is a warning: the loader goes without.
 Result<std::shared_ptr<SceneLoader>> childLoader(const IngestOptions& options);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -8,7 +8,8 @@
 
 #include "base/check.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 double JobRunner::now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -219,4 +220,5 @@ SchedulerStats JobRunner::stats() const {
   return scheduler_.stats();
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

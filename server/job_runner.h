@@ -17,7 +17,8 @@
 #include "base/stop.h"
 #include "server/scheduler.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// Called once per run. An exception that leaves it becomes Internal.
 using Work = std::function<Status(StopToken)>;
@@ -91,4 +92,5 @@ class JobRunner {
   std::vector<std::thread> threads_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

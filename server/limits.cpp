@@ -8,7 +8,8 @@
 #include "scene/load.h"
 #include "server/render_call.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 namespace fs = std::filesystem;
 using Steady = std::chrono::steady_clock;
@@ -105,4 +106,5 @@ Deadline deadlineFor(const Rpc& rpc, const grpc::ServerContext& context, const v
   return out;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "gobo/v1/render.pb.h"
 #include "server/serve.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// The caller's token, if there is one, allows the class (tokens.classes).
 bool mayUse(const Rpc& rpc, v1::Scheduling::Class priority);
@@ -37,4 +38,5 @@ struct Deadline {
 };
 Deadline deadlineFor(const Rpc& rpc, const grpc::ServerContext& context, const v1::Scheduling& scheduling);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

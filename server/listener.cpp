@@ -19,7 +19,8 @@
 #include "server/config.h"
 #include "server/log.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -244,4 +245,5 @@ bool Listener::reachable(size_t index, double seconds) {
   return accepted;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -23,7 +23,8 @@
 #include "base/descriptor.h"
 #include "base/status.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 struct ListenerLimits {
   uint32_t most = 1024, mostOfPeer = 256;
@@ -87,4 +88,5 @@ class Listener {
   ListenerStats stats_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include <string>
 #include <thread>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 static constexpr std::chrono::milliseconds kGoneEvery{10};  // between two looks at whether the caller has gone
 
@@ -54,4 +55,5 @@ Status LoadGate::run(const std::string& client, const std::function<Status(const
   return status;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -13,7 +13,8 @@
 #include "base/stop.h"
 #include "server/fair_gate.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class LoadGate {
  public:
@@ -30,4 +31,5 @@ class LoadGate {
   FairGate gate_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include <mutex>
 #include <vector>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 std::atomic<int> minimum{int(LogLevel::Info)};
@@ -174,4 +175,5 @@ GOBO_LOG_FUNCTION(logInfo, LogLevel::Info)
 GOBO_LOG_FUNCTION(logWarn, LogLevel::Warn)
 GOBO_LOG_FUNCTION(logError, LogLevel::Error)
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

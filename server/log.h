@@ -13,7 +13,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 enum class LogLevel : int { Debug = 0, Info, Warn, Error, Off };
 enum class LogFormat : int { Text = 0, Json };
@@ -54,4 +55,5 @@ class LogRequest {
   std::string before_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

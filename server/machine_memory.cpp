@@ -6,7 +6,8 @@
 #include <algorithm>
 #include <fstream>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 uint64_t machineMemory(const std::string& root) {
   uint64_t least = uint64_t(::sysconf(_SC_PHYS_PAGES)) * uint64_t(::sysconf(_SC_PAGESIZE));
@@ -23,4 +24,5 @@ uint64_t machineMemory(const std::string& root) {
   }
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <string>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// Bytes that this process may have: the machine's, or the least memory.max (cgroup v2) of the groups that it is in. `root`: where /proc
 /// and /sys are looked for.
 uint64_t machineMemory(const std::string& root = "");
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "base/check.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 std::string number(double v) {
@@ -116,4 +117,5 @@ std::string Metrics::text() const {
   return out;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

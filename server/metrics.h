@@ -12,7 +12,8 @@
 #include <utility>
 #include <vector>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 using MetricLabels = std::vector<std::pair<std::string, std::string>>;
 
@@ -59,4 +60,5 @@ class Metrics {
   std::vector<std::function<void(MetricsWriter&)>> collectors_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

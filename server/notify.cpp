@@ -9,7 +9,8 @@
 #include <cstdlib>
 #include <cstring>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 void notifyManager(const std::string& state) {
   const char* path = std::getenv("NOTIFY_SOCKET");
@@ -26,4 +27,5 @@ void notifyManager(const std::string& state) {
   ::close(fd);
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -4,9 +4,11 @@
 
 #include <string>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// "READY=1", "RELOADING=1", "STOPPING=1".
 void notifyManager(const std::string& state);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

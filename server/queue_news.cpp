@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/queue_news.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 std::optional<v1::Progress> QueueNews::at(const std::optional<Place>& place, double ms) {
   const bool queued = place && place->queued;
@@ -22,4 +23,5 @@ std::optional<v1::Progress> QueueNews::at(const std::optional<Place>& place, dou
   return progress;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

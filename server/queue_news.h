@@ -8,7 +8,8 @@
 #include "gobo/v1/render.pb.h"
 #include "server/scheduler.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class QueueNews {
  public:
@@ -22,4 +23,5 @@ class QueueNews {
   size_t ahead_ = 0;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

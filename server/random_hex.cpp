@@ -7,7 +7,8 @@
 
 #include "server/log.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 std::optional<std::string> randomHex(size_t bytes) {
   std::vector<unsigned char> raw(bytes);
@@ -17,4 +18,5 @@ std::optional<std::string> randomHex(size_t bytes) {
   return text;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

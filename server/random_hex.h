@@ -5,9 +5,11 @@
 #include <optional>
 #include <string>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// Twice as many lower-case hex digits, from the kernel's generator; nothing if it has none.
 std::optional<std::string> randomHex(size_t bytes);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

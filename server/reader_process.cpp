@@ -24,7 +24,8 @@
 #include "ingest/nursery.h"
 #include "ingest/wire.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 /// `output` < 0: /dev/null, which keeps descriptor 4 from being anything else.
@@ -254,4 +255,5 @@ std::shared_ptr<Readers> forkedReaders(const std::string& program, double patien
   return readers;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

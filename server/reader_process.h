@@ -8,7 +8,8 @@
 #include "base/status.h"
 #include "base/stop.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// One reader while it lives. Its destructor ends it. Of one thread.
 class ReaderProcess {
@@ -43,4 +44,5 @@ std::shared_ptr<Readers> bareReaders(const std::string& program);
 /// Under a sanitizer: spawned ones.
 std::shared_ptr<Readers> forkedReaders(const std::string& program, double patience = 20);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

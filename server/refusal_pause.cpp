@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 double RefusalPause::begin(const std::string& caller, double now, double hint) {
   constexpr size_t kRemembered = 4096;  // names may be made up
@@ -30,4 +31,5 @@ uint32_t RefusalPause::held() const {
   return held_;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include <mutex>
 #include <string>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class RefusalPause {
  public:
@@ -31,4 +32,5 @@ class RefusalPause {
   std::map<std::string, Caller> callers_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "server/jobs/crash_marks.h"
 #include "server/rest_estimate.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 using Clock = std::chrono::steady_clock;
 
@@ -173,4 +174,5 @@ RenderCall::News RenderCall::wait(std::chrono::milliseconds timeout) {
   return news;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

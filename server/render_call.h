@@ -15,7 +15,8 @@
 
 #include "server/core.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 struct RenderCallOptions {
   std::string client;  ///< for fair share
@@ -84,4 +85,5 @@ class RenderCall {
   std::thread thread_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "server/queue_news.h"
 #include "server/render_call.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 constexpr std::chrono::milliseconds kPoll{10};         // how soon a client that has gone is noticed
@@ -277,4 +278,5 @@ grpc::Status RenderService::inlined(Rpc& rpc, const v1::RenderRequest& asked, v1
   return status.ok() && total > limit ? tooLarge(total) : status;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "server/encode.h"
 #include "server/serve.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class RenderService final : public v1::Render::Service {
  public:
@@ -31,4 +32,5 @@ class RenderService final : public v1::Render::Service {
   ServerCore& core_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/repeating.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 Repeating::~Repeating() { stop(); }
 
@@ -25,4 +26,5 @@ void Repeating::stop() {
   if (thread_.joinable()) thread_.join();
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

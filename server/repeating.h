@@ -8,7 +8,8 @@
 #include <mutex>
 #include <thread>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class Repeating {
  public:
@@ -29,4 +30,5 @@ class Repeating {
   std::thread thread_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

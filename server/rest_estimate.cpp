@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 namespace {
 constexpr uint32_t kPass = 16;  // samples of the first one; smaller pictures are the ladder's, whose samples cost more
@@ -25,4 +26,5 @@ double RestEstimate::rest(double ms) const {
   return std::max(expectedMs_ - ms, 0.0);
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

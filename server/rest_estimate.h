@@ -7,7 +7,8 @@
 
 #include "gobo/v1/render.pb.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class RestEstimate {
  public:
@@ -26,4 +27,5 @@ class RestEstimate {
   double at_ = 0, perSample_ = 0;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

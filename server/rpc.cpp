@@ -8,7 +8,8 @@
 
 #include "server/log.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 grpc::Status toGrpc(const Status& status) {
   if (status.ok()) return grpc::Status::OK;
@@ -74,4 +75,5 @@ std::optional<std::chrono::steady_clock::time_point> deadlineOf(const grpc::Serv
   return Steady::now() + std::chrono::duration_cast<Steady::duration>(Ms(std::max(ms, 0.0)));
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -13,7 +13,8 @@
 #include "base/status.h"
 #include "gobo/v1/render.pb.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// Code and "message (at location)", cut to 4 KiB so that it fits into HTTP/2 trailers.
 grpc::Status toGrpc(const Status& status);
@@ -37,4 +38,5 @@ constexpr const char* kRequestIdKey = "x-request-id";
 constexpr const char* kPeerKey = "x-gobo-http-peer";
 constexpr double kDrainRetryMs = 1000;  ///< hint to callers of a daemon that drains: its successor needs about that long
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

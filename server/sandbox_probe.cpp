@@ -8,7 +8,8 @@
 #include "base/descriptor.h"
 #include "server/ingest_child.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 constexpr double kWallSeconds = 30;
@@ -59,4 +60,5 @@ ingest::Layers SandboxProbe::layers(double waitSeconds) {
   return known_ ? layers_ : ingest::Layers{{}, {"all: being looked for"}};
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -12,7 +12,8 @@
 #include "base/stop.h"
 #include "ingest/wire.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class SandboxProbe {
  public:
@@ -31,4 +32,5 @@ class SandboxProbe {
   std::thread thread_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

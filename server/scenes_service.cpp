@@ -10,7 +10,8 @@
 #include "server/limits.h"
 #include "server/upload.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 grpc::Status answer(Rpc& rpc, Result<v1::SceneInfo> result, v1::SceneInfo* reply) {
@@ -163,4 +164,5 @@ grpc::Status ScenesService::Unload(grpc::ServerContext* context, const v1::Unloa
   });
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

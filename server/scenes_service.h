@@ -5,7 +5,8 @@
 #include "gobo/v1/service.grpc.pb.h"
 #include "server/serve.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class ScenesService final : public v1::Scenes::Service {
  public:
@@ -23,4 +24,5 @@ class ScenesService final : public v1::Scenes::Service {
   ServerCore& core_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

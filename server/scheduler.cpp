@@ -7,7 +7,8 @@
 
 #include "base/check.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 namespace {
 constexpr double kMeanWeight = 0.2;   // of the newest value in a moving mean
@@ -598,4 +599,5 @@ SchedulerStats Scheduler::stats() const {
   return stats;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

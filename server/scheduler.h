@@ -44,7 +44,8 @@
 #include "base/status.h"
 #include "base/stop.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 enum class JobClass { Interactive = 0, Normal = 1, Batch = 2 };
 constexpr int kJobClasses = 3;
@@ -209,4 +210,5 @@ class Scheduler {
   double now_ = -kNever;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -13,7 +13,8 @@
 
 #include "server/random_hex.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 namespace pb = google::protobuf;
@@ -166,4 +167,5 @@ Result<std::string> Rpc::client(const std::string& named) const {
   return Status(Code::PermissionDenied, "client = \"" + escaped(named.substr(0, 80)) + "\": is the name of another's token", "request.scheduling.client");
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

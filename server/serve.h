@@ -17,7 +17,8 @@
 #include "server/log.h"
 #include "server/rpc.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class Rpc {
  public:
@@ -84,4 +85,5 @@ grpc::Status serve(ServerCore& core, grpc::ServerContext& context, const char* m
   } catch (const std::exception& e) { return rpc.finish({grpc::StatusCode::INTERNAL, std::string("exception in a handler: ") + e.what()}); }
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

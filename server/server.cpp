@@ -28,7 +28,8 @@
 #include "server/render_service.h"
 #include "server/scenes_service.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 struct Server::Services {
   explicit Services(ServerCore& core) : scenes(core), render(core), blobs(core), admin(core), jobs(core), farm(core) {}
@@ -327,4 +328,5 @@ void Server::shutdown(double drainSeconds) {
 Server::Server() = default;
 Server::~Server() { shutdown(0); }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

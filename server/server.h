@@ -20,7 +20,8 @@ namespace gobo::farm {
 class FarmWorker;  // server/farm/farm_worker.h
 }
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 EngineOptions engineOptions(const ServerConfig& config);
 /// Of the config that [color] names; not read yet.
@@ -73,4 +74,5 @@ class Server {
   std::vector<std::string> socketFiles_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

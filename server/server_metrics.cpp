@@ -11,7 +11,8 @@
 #include "server/file_store.h"
 #include "server/log.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -141,4 +142,5 @@ HealthReport healthReport(ServerCore& core) {
   return report;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

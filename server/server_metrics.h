@@ -6,7 +6,8 @@
 #include <cstdint>
 #include <string>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class ServerCore;
 
@@ -23,4 +24,5 @@ uint64_t residentBytes();
 /// Descriptors that this process has open.
 uint32_t openFiles();
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

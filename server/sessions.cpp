@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/sessions.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 namespace {
 constexpr std::chrono::milliseconds kTurnPoll{10};
@@ -59,4 +60,5 @@ size_t Sessions::size() const {
   return sessions_.size();
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -13,7 +13,8 @@
 #include <mutex>
 #include <string>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class Sessions {
  public:
@@ -53,4 +54,5 @@ class Sessions {
   std::map<std::string, Session> sessions_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 std::unique_ptr<SharedLimit::Hold> SharedLimit::take(const std::string& client, uint64_t amount) {
   const std::lock_guard lock(mutex_);
@@ -52,4 +53,5 @@ std::map<std::string, uint64_t> SharedLimit::clients() const {
   return clients_;
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include <mutex>
 #include <string>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class SharedLimit {
  public:
@@ -46,4 +47,5 @@ class SharedLimit {
   std::map<std::string, uint64_t> clients_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

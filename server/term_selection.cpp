@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <map>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 namespace {
 
@@ -107,4 +108,5 @@ Status listInto(const std::vector<StoredTerm>& rows, const v1::ListTermsRequest&
   return {};
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "gobo/v1/service.pb.h"
 #include "plan/term_note.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 using TermFilter = std::function<bool(const StoredTerm&)>;
 
@@ -22,4 +23,5 @@ bool matches(const std::string& pattern, const std::string& text);
 /// Without `whole` the totals alone. Errors: InvalidArgument.
 Status listInto(const std::vector<StoredTerm>& rows, const v1::ListTermsRequest& request, bool whole, v1::ListTermsReply& reply);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

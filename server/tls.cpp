@@ -11,7 +11,8 @@
 #include <openssl/pem.h>
 #include <openssl/x509.h>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 namespace {
 
 template <typename T, void (*Free)(T*)>
@@ -154,4 +155,5 @@ std::shared_ptr<grpc::ServerCredentials> TlsSource::credentials() {
   return std::make_shared<FetchedCredentials>(shared_from_this(), request);
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -12,7 +12,8 @@
 
 #include "server/config.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// The files of [tls], read and checked.
 struct TlsFiles {
@@ -40,4 +41,5 @@ class TlsSource : public std::enable_shared_from_this<TlsSource> {
   const bool require_;
 };
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -14,7 +14,8 @@
 #include <thread>
 #include <utility>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 Result<SocketLock> SocketLock::take(const std::string& socketPath, std::chrono::milliseconds patience) {
   const std::string path = socketPath + ".lock";
@@ -79,4 +80,5 @@ Status claimSocketPath(const std::string& path) {
   return {Code::Unavailable, "cannot use socket \"" + path + "\": " + std::strerror(error)};
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

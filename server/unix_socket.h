@@ -8,7 +8,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class SocketLock {
  public:
@@ -29,4 +30,5 @@ class SocketLock {
 /// Races with other daemons unless the caller holds the path's SocketLock.
 Status claimSocketPath(const std::string& path);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

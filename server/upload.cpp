@@ -13,7 +13,8 @@
 
 #include "server/log.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 namespace fs = std::filesystem;
 static constexpr const char* kPrefix = "gobo-upload-";
@@ -87,4 +88,5 @@ void removeStaleUploads(const std::string& tmpFolder) {
   }
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

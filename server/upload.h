@@ -10,7 +10,8 @@
 #include "gobo/v1/service.pb.h"
 #include "server/encode.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 class UploadFile {
  public:
@@ -41,4 +42,5 @@ inline constexpr char kWorkerFolder[] = "gobo-worker-";  ///< + PID-XXXXXX: of a
 /// Removes what a killed daemon of the same user left under the tmp folder (folders gobo-upload-PID-*, gobo-worker-PID-* whose process is gone).
 void removeStaleUploads(const std::string& tmpFolder);
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

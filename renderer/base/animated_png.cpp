@@ -7,7 +7,8 @@
 #include <cstring>
 #include <string_view>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 namespace {
 
@@ -95,4 +96,5 @@ Result<std::vector<uint8_t>> animatedPng(std::span<const std::string> frames, ui
   return std::vector<uint8_t>(out.begin(), out.end());
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

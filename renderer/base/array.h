@@ -11,7 +11,8 @@
 #include <type_traits>
 #include <vector>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 template <typename T>
 class Array {
@@ -94,4 +95,5 @@ class Array {
   size_t size_ = 0;
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

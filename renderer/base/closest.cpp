@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <cctype>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 size_t editDistance(std::string_view a, std::string_view b) {
   const auto at = [](std::string_view s, size_t i) { return std::tolower(static_cast<unsigned char>(s[i])); };
@@ -40,4 +41,5 @@ std::string didYouMean(std::string_view name, const std::vector<std::string>& kn
   return best.empty() ? "" : "; did you mean '" + best + "'?";
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

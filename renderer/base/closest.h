@@ -6,7 +6,8 @@
 #include <string_view>
 #include <vector>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// Letters put in, left out, replaced or swapped with their neighbour (optimal string alignment), capitals aside. O(a b).
 size_t editDistance(std::string_view a, std::string_view b);
@@ -16,4 +17,5 @@ std::string closest(std::string_view name, const std::vector<std::string>& known
 /// "; did you mean 'X'?", or nothing.
 std::string didYouMean(std::string_view name, const std::vector<std::string>& known);
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -11,7 +11,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// Scene-linear Rec. 709 (D65) to what one view of one display shows, after a look.
 class ColorProcessor {
@@ -60,4 +61,5 @@ struct ColorModule {
 /// Reads the file `file` (an absolute or relative path). Errors: those of ColorModule::open, Internal if the library cannot be loaded.
 Result<std::shared_ptr<const ColorConfig>> openColorConfig(const std::string& file, const std::string& workingSpace);
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

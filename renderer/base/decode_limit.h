@@ -5,7 +5,8 @@
 
 #include <cstdint>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 inline constexpr uint64_t kMostDecodedBytes = 1ull << 30, kLeastDecodedBytes = 256ull << 20, kDecodedPerByte = 64;
 
@@ -13,4 +14,5 @@ inline constexpr uint64_t kMostDecodedBytes = 1ull << 30, kLeastDecodedBytes = 2
 void setMostDecodedBytes(uint64_t bytes);
 uint64_t mostDecodedBytes();
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include <utility>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 class Descriptor {
  public:
@@ -31,4 +32,5 @@ class Descriptor {
   int fd_;
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

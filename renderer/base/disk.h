@@ -6,7 +6,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// Area-preserving map of the square to the unit disk (Shirley & Chiu 1997): keeps strata compact.
 inline Vec2 concentricDisk(const Vec2& u) {
@@ -18,4 +19,5 @@ inline Vec2 concentricDisk(const Vec2& u) {
   return Vec2(r * std::cos(phi), r * std::sin(phi));
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include <map>
 #include <string_view>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 namespace {
 
 /// Types that OpenEXR reads without looking at the size; 0 for lists and texts, which are measured below.
@@ -153,4 +154,5 @@ int exrLinesPerChunk(int compression) {
   return compression >= 0 && compression < int(std::size(lines)) ? lines[compression] : 0;
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

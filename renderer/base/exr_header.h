@@ -9,7 +9,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 inline constexpr int kMaxExrParts = 1024;
 
@@ -24,4 +25,5 @@ uint64_t mostExrBuffer(uint64_t fileBytes);
 /// Lines in a chunk by the compression's number, 0 for numbers that do not exist.
 int exrLinesPerChunk(int compression);
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -12,7 +12,8 @@
 
 #include "base/image_io.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 class MemoryReader final : public Imf::IStream {
  public:
@@ -67,4 +68,5 @@ inline Imf::Compression exrCompression(ExrCompression c) {
   return Imf::ZIP_COMPRESSION;
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -11,7 +11,8 @@
 
 #include "base/image_io.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 namespace {
 
 Code codeOf(int error) {
@@ -106,4 +107,5 @@ Result<std::vector<uint8_t>> readFile(const std::string& path, uint64_t maxBytes
   return readAndClose(fd, path, maxBytes, stop);
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

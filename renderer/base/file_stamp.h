@@ -11,7 +11,8 @@
 #include <cstdint>
 #include <string>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 struct FileStamp {
   uint64_t device = 0, inode = 0, size = 0;
@@ -40,4 +41,5 @@ struct FileStamp {
   }
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

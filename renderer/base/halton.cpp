@@ -6,7 +6,8 @@
 
 #include "base/independent.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 namespace {
 
@@ -84,4 +85,5 @@ float haltonValue(uint64_t seed, uint32_t index, uint32_t pair) {
   return toUnit(scrambledRadicalInverse(index, haltonPrime(pair, 0), hash64(seed, pair)));
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

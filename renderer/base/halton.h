@@ -10,7 +10,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// Pairs of dimensions that have primes of their own: film and 64 scattering events after the first of 4 pairs each. Pairs beyond are independent
 /// numbers: a prime used twice would tie two dimensions' first digits to each other, and the error would no longer go to zero.
@@ -41,4 +42,5 @@ class HaltonSampler {
   uint32_t index_, pair_ = 0;
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include <cstdint>
 #include <span>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 inline constexpr float kLargestHalf = 65504.0f;
 
@@ -17,4 +18,5 @@ void toHalves(std::span<const float> values, uint16_t* out, bool infinite = fals
 /// Finite values that toHalves clamps.
 size_t beyondHalves(std::span<const float> values);
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

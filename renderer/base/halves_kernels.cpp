@@ -7,7 +7,8 @@
 
 #include "base/halves.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 namespace {
 
@@ -41,4 +42,5 @@ size_t beyondHalves(std::span<const float> values) {
   return count;
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -4,7 +4,8 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 Hash128 hashBytes(const void* data, size_t bytes) {
   const XXH128_hash_t h = XXH3_128bits(data, bytes);
@@ -66,4 +67,5 @@ Hash128 Hasher::digest() const {
   return copy.state_;
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

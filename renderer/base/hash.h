@@ -15,7 +15,8 @@
 
 #include "base/array.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 struct Hash128 {
   uint64_t lo = 0, hi = 0;
@@ -75,7 +76,8 @@ class Hasher {
 
 Hash128 hashBytes(const void* data, size_t bytes);
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo
 
 template <>
 struct std::hash<gobo::Hash128> {

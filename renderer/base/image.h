@@ -8,7 +8,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 struct Image {
   int width = 0, height = 0, channels = 0;
@@ -26,4 +27,5 @@ struct Image {
   }
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

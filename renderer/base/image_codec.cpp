@@ -3,7 +3,8 @@
 
 #include "base/shared_object.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 Result<const ImageCodec*> imageCodec() {
   static const Result<const ImageCodec*> codec = []() -> Result<const ImageCodec*> {
@@ -13,4 +14,5 @@ Result<const ImageCodec*> imageCodec() {
   return codec;
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

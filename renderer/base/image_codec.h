@@ -10,7 +10,8 @@
 #include "base/image.h"
 #include "base/status.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 struct ReadLimits;
 
@@ -25,4 +26,5 @@ struct ImageCodec {
 /// Loads it at the first call. Internal when it cannot be loaded: why.
 Result<const ImageCodec*> imageCodec();
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

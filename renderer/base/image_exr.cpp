@@ -17,7 +17,8 @@
 #include <cstring>
 #include <tuple>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 namespace {
 
 constexpr int kRowsBetweenPolls = 64;  // of a stop token
@@ -202,4 +203,5 @@ std::string exrLayerName(std::string_view output) {
   return name;
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

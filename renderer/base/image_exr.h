@@ -4,7 +4,8 @@
 
 #include "base/image_io.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// Refuses empty sizes, sizes above the limits, and sizes that `fileBytes` bytes cannot hold in any format.
 Status checkImageSize(int64_t width, int64_t height, int64_t channels, size_t fileBytes, const ReadLimits& limits);
@@ -12,4 +13,5 @@ Status checkImageSize(int64_t width, int64_t height, int64_t channels, size_t fi
 /// First part of an EXR file, its data window; channels of a layer together, R G B A (X Y Z) first. May throw.
 Result<Image> readExr(const uint8_t* bytes, size_t size, const std::string& name, const ReadLimits& limits);
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

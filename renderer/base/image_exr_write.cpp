@@ -20,7 +20,8 @@
 #include "base/halves.h"
 #include "base/image_io.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 namespace {
 
 float inHalfRange(float v) { return std::isfinite(v) ? std::clamp(v, -kLargestHalf, kLargestHalf) : v; }
@@ -148,4 +149,5 @@ Result<std::vector<uint8_t>> encodeExr(const Image& image, const ExrOptions& opt
   return encodeExr(image.width, image.height, std::span(&layer, 1), options);
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -15,7 +15,8 @@
 #include "base/image_write.h"
 #include "base/utf8.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 namespace {
 
 bool starts(const uint8_t* b, size_t size, std::string_view magic) { return size >= magic.size() && std::memcmp(b, magic.data(), magic.size()) == 0; }
@@ -236,4 +237,5 @@ Result<std::vector<uint8_t>> encodeJpeg(const Image& image, const PixelOptions& 
   return encodeIntegers(image, true, image.channels >= 3 ? 3 : 1, options);
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -15,7 +15,8 @@
 #include "base/stop.h"
 #include "base/transfer.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 struct ReadLimits {
   int maxDimension = 16384;         ///< pixels a side
@@ -96,4 +97,5 @@ Result<std::vector<uint8_t>> readAndClose(int fd, const std::string& name, uint6
 /// `what` and errno's text, with the code that fits errno.
 Status ioError(const std::string& what, const std::string& path);
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -8,7 +8,8 @@
 
 #include "base/image_write.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 namespace {
 
 struct Errors {
@@ -63,4 +64,5 @@ Result<std::vector<uint8_t>> writeJpeg(const CodedPixels& pixels) {
   return result;
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -8,7 +8,8 @@
 
 #include "base/image_write.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 namespace {
 
 struct Sink {
@@ -64,4 +65,5 @@ Result<std::vector<uint8_t>> writePng(const CodedPixels& pixels) {
   return std::move(sink.bytes);
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

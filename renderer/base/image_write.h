@@ -8,7 +8,8 @@
 #include "base/status.h"
 #include "base/transfer.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// Rows of code values, top first, channels interleaved; width, height > 0.
 struct CodedPixels {
@@ -25,4 +26,5 @@ Result<std::vector<uint8_t>> writePng(const CodedPixels& pixels);
 /// 1 or 3 channels.
 Result<std::vector<uint8_t>> writeJpeg(const CodedPixels& pixels);
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -4,7 +4,8 @@
 
 #include "base/sobol.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// Dimension `dimension` of sample `index`: a pure function of its arguments. [0,1) with 24 bits.
 inline Vec2 independentPoint(uint64_t seed, uint32_t index, uint32_t dimension) {
@@ -24,4 +25,5 @@ class IndependentSampler {
   uint32_t index_, dimension_ = 0;
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include <cerrno>
 #include <mutex>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 namespace {
 
 static_assert(std::atomic<uintptr_t>::is_always_lock_free && std::atomic<uint32_t>::is_always_lock_free && std::atomic<bool>::is_always_lock_free);
@@ -100,4 +101,5 @@ bool runOnOtherBusError(void (*then)(int)) {
   return true;
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

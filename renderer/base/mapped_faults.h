@@ -9,7 +9,8 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// A place in the table. `version` is odd while the others change: the handler passes it over then, since a range that is being
 /// added or removed is one that nobody reads yet or any more.
@@ -27,4 +28,5 @@ void unwatchMapped(MappedRange* range);
 /// place to run it: if not, the caller installs its own.
 bool runOnOtherBusError(void (*then)(int signal));
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -12,7 +12,8 @@
 
 #include "base/mapped_faults.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 Result<std::shared_ptr<const MappedFile>> MappedFile::open(const std::string& path) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
@@ -68,4 +69,5 @@ bool MappedFile::isOf(const struct stat& info) const { return device_ == uint64_
 
 Status MappedFile::lost() const { return {Code::DataLoss, "mapped file was cut short, or the disk cannot read it", name_}; }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -15,7 +15,8 @@
 
 struct stat;
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 class MappedFile {
  public:
@@ -49,4 +50,5 @@ class MappedFile {
   Hash128 tail_;               // of the last page as it was when it was mapped
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 namespace {
 constexpr int kPasses = 16;
@@ -60,4 +61,5 @@ Status MemoryLedger::makeRoom(uint64_t more, const std::string& what) {
                                        "; at most " + std::to_string(total_) + " together (engine.memory_bytes)"};
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -13,7 +13,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 using BytesOfCallers = std::map<std::string, uint64_t>;  ///< "": everybody's
 
@@ -47,4 +48,5 @@ class MemoryLedger {
   std::vector<std::weak_ptr<const MemoryHolder>> holders_;
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -4,7 +4,8 @@
 #include <bit>
 #include <cstring>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 namespace {
 
@@ -32,4 +33,5 @@ uint32_t murmurHash3(std::string_view bytes, uint32_t seed) {
   return h ^ h >> 16;
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -6,8 +6,10 @@
 #include <cstdint>
 #include <string_view>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 uint32_t murmurHash3(std::string_view bytes, uint32_t seed = 0);
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -13,7 +13,8 @@
 
 #include "base/image_io.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 namespace {
 
@@ -129,4 +130,5 @@ Status makeOwnFolder(const std::string& name, const std::string& what) {
   return checkOwnFolder(folder, what);
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -10,7 +10,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// FailedPrecondition when `folder` is not an own folder, naming it, what is wrong and the remedy; `what` begins the message ("blob
 /// cache"). Other errors: it cannot be examined.
@@ -20,4 +21,5 @@ Status checkOwnFolder(const std::string& folder, const std::string& what);
 /// PermissionDenied (also a read-only file system), ResourceExhausted, Unavailable.
 Status makeOwnFolder(const std::string& folder, const std::string& what);
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 RightOfWay::Taken::Taken(RightOfWay* way) : way_(way) {
   if (way_) ++way_->taken_;
@@ -39,4 +40,5 @@ void RightOfWay::wait(const StopToken& stop) {
   --waiting_;
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -11,7 +11,8 @@
 
 #include "base/stop.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 class RightOfWay {
  public:
@@ -50,4 +51,5 @@ class RightOfWay {
   Clock::time_point settled_ = Clock::now();
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

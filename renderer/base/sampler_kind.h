@@ -3,9 +3,11 @@
 
 #include <cstdint>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// Which numbers a path is made of: base/sobol.h, base/halton.h, base/independent.h.
 enum class SamplerKind : uint8_t { Sobol, Halton, Independent };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include <string>
 #include <system_error>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 namespace {
 
 void* openObject(const char* name) {
@@ -30,4 +31,5 @@ Result<const void*> sharedSymbol(const char* name, const char* symbol, const cha
   return found;
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -5,10 +5,12 @@
 
 #include "base/status.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// What `name` ("libgobo_color.so") exports as `symbol`, for as long as the process lives. It is looked for by the program's place (beside it, in the build
 /// folder, installed), then by the search path. Internal when it cannot be loaded: "`what` cannot be loaded: " and why. Thread-safe.
 Result<const void*> sharedSymbol(const char* name, const char* symbol, const char* what);
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

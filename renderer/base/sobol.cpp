@@ -5,7 +5,8 @@
 
 #include "base/check.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 namespace {
 
 using Directions = std::array<uint32_t, 32>;
@@ -43,4 +44,5 @@ uint32_t sobolBits(uint32_t index, int dimension) {
   return bits;
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -7,7 +7,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// Avalanche hash of 64 bits (SplitMix64 finaliser).
 inline uint64_t mix64(uint64_t x) {
@@ -80,4 +81,5 @@ class SobolSampler {
   uint32_t dimension_ = 0;
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/status.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 const char* codeName(Code code) {
   switch (code) {
@@ -38,4 +39,5 @@ Status Status::at(std::string prefix) const {
   return {code_, message_, std::move(prefix)};
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include <string>
 #include <utility>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// Numerically equal to grpc::StatusCode, so that the server maps them without a table.
 enum class Code {
@@ -82,7 +83,8 @@ class [[nodiscard]] Result {
   Status status_;
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo
 
 #define GOBO_CONCAT_INNER(a, b) a##b
 #define GOBO_CONCAT(a, b) GOBO_CONCAT_INNER(a, b)

@@ -8,7 +8,8 @@
 #include <chrono>
 #include <memory>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 enum class StopReason : int { None = 0, Cancelled, Deadline, Preempted, TimeUp };
 
@@ -70,4 +71,5 @@ class StopSource {
   std::shared_ptr<std::atomic<int>> flag_, outer_;
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -16,7 +16,8 @@
 #include <sanitizer/tsan_interface.h>
 #endif
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 namespace {
 
@@ -91,4 +92,5 @@ void TaskArena::execute(const std::function<void()>& work) const {
   takenOver(&ended);
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

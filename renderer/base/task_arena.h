@@ -10,7 +10,8 @@
 
 #include "base/stop.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 class RightOfWay;  // base/right_of_way.h
 
@@ -37,4 +38,5 @@ class TaskArena {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -20,7 +20,8 @@
 
 #include "base/exr_streams.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// The library swallows what goes wrong while a file is closed; here it is kept.
 class TiledExr::FileWriter final : public Imf::OStream {
@@ -150,4 +151,5 @@ Status TiledExr::finish() {
   return {};
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -10,7 +10,8 @@
 
 #include "base/image_io.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 class TiledExr {
  public:
@@ -34,4 +35,5 @@ class TiledExr {
   size_t bytes_ = 0;
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include <cstdint>
 #include <type_traits>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// `v` towards zero, within lo .. hi (lo <= hi); lo for NaN.
 template <typename F>
@@ -22,4 +23,5 @@ template <typename F>
 requires std::is_floating_point_v<F>
 constexpr int toIndex(F v, int n) { return toInteger(v, 0, n - 1); }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

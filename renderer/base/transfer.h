@@ -10,7 +10,8 @@
 #include <cmath>
 #include <cstdint>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 enum class Transfer : uint8_t { Linear, Srgb, Rec709 };
 
@@ -39,4 +40,5 @@ inline double decodeTransfer(Transfer transfer, double code) {
   return code;
 }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

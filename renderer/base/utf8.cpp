@@ -3,7 +3,8 @@
 
 #include <cstdint>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 namespace {
 
 /// Bytes of the well-formed character at the start of `s`; 0 if there is none.
@@ -46,4 +47,5 @@ std::string cleanUtf8(std::string text) {
 
 Status cleanUtf8(const Status& s) { return s.ok() ? s : Status(s.code(), cleanUtf8(s.message()), cleanUtf8(s.location())); }
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

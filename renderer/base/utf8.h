@@ -8,7 +8,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 /// Well-formed as in RFC 3629: no overlong forms, no surrogates, nothing above U+10FFFF.
 bool isUtf8(std::string_view text);
@@ -17,4 +18,5 @@ std::string cleanUtf8(std::string text);
 /// The same for message and location.
 Status cleanUtf8(const Status& status);
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

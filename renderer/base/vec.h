@@ -7,7 +7,8 @@
 #include <cmath>
 #include <glm/glm.hpp>
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 
 using Vec2 = glm::vec2;
 using Vec3 = glm::vec3;
@@ -49,4 +50,5 @@ struct Frame {
   Vec3 toLocal(const Vec3& v) const { return Vec3(glm::dot(v, x), glm::dot(v, y), glm::dot(v, z)); }
 };
 
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "base/check.h"
 #include "base/image_io.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 namespace {
 
 Result<Image> decode(const uint8_t* bytes, size_t size, const std::string& format, const std::string& name, const ReadLimits& limits,
@@ -63,6 +64,7 @@ void useOneThread() {
 }
 
 }  // namespace
-}  // namespace gobo::inline base
+}  // namespace base
+}  // namespace gobo
 
 extern "C" [[gnu::visibility("default")]] const gobo::ImageCodec gobo_image_codec = {gobo::decode, gobo::useOneThread};

@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <cctype>
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 
 void setLinearGroups(ComputeDispatch& dispatch, size_t count, uint32_t local) {
   constexpr size_t kMaxGroups = 65535;  // what every Vulkan and OpenGL device can
@@ -25,4 +26,5 @@ std::string keyWord(const std::string& text) {
   return out;
 }
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo

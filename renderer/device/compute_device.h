@@ -14,7 +14,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 
 class ComputeDevice;
 
@@ -96,4 +97,5 @@ void setLinearGroups(ComputeDispatch& dispatch, size_t count, uint32_t local);
 /// Letters, digits, dots; anything else becomes one '-': the form in which drivers' names enter numeric classes.
 std::string keyWord(const std::string& text);
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo

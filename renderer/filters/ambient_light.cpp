@@ -5,7 +5,8 @@
 #include "formulas/harmonics.glsl.h"
 #include "terms/surface.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -70,4 +71,5 @@ class AmbientLightNode final : public Node {
 
 NodePtr makeAmbientLightNode(const AmbientLightSettings& settings) { return std::make_shared<AmbientLightNode>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

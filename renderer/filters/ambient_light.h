@@ -10,7 +10,8 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct AmbientLightSettings {
   std::array<Vec3, 9> radiance{};  ///< coefficients in the map's axes, for nominal power
@@ -19,4 +20,5 @@ struct AmbientLightSettings {
 };
 NodePtr makeAmbientLightNode(const AmbientLightSettings& settings);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

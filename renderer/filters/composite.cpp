@@ -5,7 +5,8 @@
 
 #include "terms/dropped_samples.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -311,4 +312,5 @@ NodePtr makePixelMeanNode(std::string plane, int channels, int w, int h, int s, 
 }
 NodePtr makeAlphaNode(int w, int h, int s) { return std::make_shared<AlphaNode>(w, h, s); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

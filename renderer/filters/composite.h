@@ -10,7 +10,8 @@
 #include "filters/expression.h"
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Output: term "picture", domain Pixel, plane "rgb" (3). Expression inputs are the node's inputs, all pixel terms of one extent.
 NodePtr makeCompositeNode(Expression expression, int width, int height);
@@ -33,4 +34,5 @@ NodePtr makePixelMeanNode(std::string plane, int channels, int width, int height
 /// Input: G-buffer. Output: "pixels", plane "alpha": share of view samples that hit a surface.
 NodePtr makeAlphaNode(int width, int height, int viewSamples);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

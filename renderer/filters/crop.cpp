@@ -3,7 +3,8 @@
 
 #include <cstring>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -48,4 +49,5 @@ class CropNode final : public Node {
 
 NodePtr makeCropNode(const Extent& around, int x, int y, int width, int height) { return std::make_shared<CropNode>(around, x, y, width, height); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

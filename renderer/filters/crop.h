@@ -4,9 +4,11 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Input: a term over `around`. Output: its type, domain and planes over width x height pixels of every layer, of which the first is its (x, y).
 NodePtr makeCropNode(const Extent& around, int x, int y, int width, int height);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

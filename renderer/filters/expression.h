@@ -12,7 +12,8 @@
 #include "base/vec.h"
 #include "terms/term_shape.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 class Expression {
  public:
@@ -60,4 +61,5 @@ class Expression {
   std::vector<Instruction> code_;
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

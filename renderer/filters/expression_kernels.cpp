@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 void Expression::hash(Hasher& h) const {
   h.add(uint64_t(code_.size()));
@@ -115,4 +116,5 @@ void Expression::evaluate(const std::vector<TermPtr>& inputs, size_t begin, size
   }
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

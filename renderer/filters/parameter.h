@@ -8,7 +8,8 @@
 #include "base/check.h"
 #include "gobo/v1/options.pb.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 inline double numberParameter(const google::protobuf::Message& m, const char* name) {
   using Field = google::protobuf::FieldDescriptor;
@@ -40,4 +41,5 @@ inline int choiceParameter(const google::protobuf::Message& m, const char* name)
   return value->number();
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include <span>
 #include <vector>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 class RankSums {
  public:
@@ -56,4 +57,5 @@ class RankSums {
   std::vector<std::array<Entry, kKept>> entries_;
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

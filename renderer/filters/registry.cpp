@@ -5,7 +5,8 @@
 #include "filters/shadow_map/techniques.h"
 #include "filters/soft_shadow/techniques.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 bool notAnEnvironment(LightKind kind) { return kind != LightKind::Environment; }
@@ -53,4 +54,5 @@ const ShadowTechniqueEntry* findShadowTechnique(v1::ShadowTechnique::TechniqueCa
   return nullptr;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

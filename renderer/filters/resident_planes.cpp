@@ -5,7 +5,8 @@
 #include <map>
 #include <memory>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -100,4 +101,5 @@ void ResidentPlanes::clear() {
   bytes_ = 0;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

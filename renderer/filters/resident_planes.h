@@ -14,7 +14,8 @@
 #include "device/compute_device.h"
 #include "terms/term.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 class ResidentPlanes {
  public:
@@ -54,4 +55,5 @@ class ResidentPlanes {
   uint64_t bytes_ = 0, uploaded_ = 0;
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -5,7 +5,8 @@
 
 #include "trace/sample_passes.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -128,4 +129,5 @@ NodePtr makeVarianceNode(std::vector<VarianceWeight> weights, int inputs, int wi
   return std::make_shared<VarianceNode>(std::move(weights), inputs, width, height, streams);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

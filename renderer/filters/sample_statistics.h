@@ -6,7 +6,8 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Output: "pixels", plane "count" f32: samples of the pixel, the smallest over the states; 0 without any.
 NodePtr makeSampleCountNode(int width, int height);
@@ -22,4 +23,5 @@ struct VarianceWeight {
 /// Output: "pixels", plane "variance" f32x3; -1 where fewer than two streams have samples (unknown). Cost: one pass over the streams.
 NodePtr makeVarianceNode(std::vector<VarianceWeight> weights, int inputs, int width, int height, int streams);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

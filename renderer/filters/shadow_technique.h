@@ -13,7 +13,8 @@
 #include "terms/graph.h"
 #include "terms/view_place.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct ShadowInput {
   ScenePtr scene;       ///< effective scene
@@ -51,4 +52,5 @@ Status checkShadowRange(const std::string& field, double value, double low, doub
 const ShadowTechniqueEntry* findShadowTechnique(v1::ShadowTechnique::TechniqueCase key);
 const std::vector<ShadowTechniqueEntry>& shadowTechniques();
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

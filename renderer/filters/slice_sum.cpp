@@ -7,7 +7,8 @@
 #include "filters/rank_sums.h"
 #include "terms/dropped_samples.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -211,4 +212,5 @@ NodePtr makeSlicePartNode(std::string term, std::vector<NamedPlane> planes, size
   return std::make_shared<SlicePartNode>(std::move(term), std::move(planes), first, width, height);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// A plane (f32) of every slice, and what the slices are together.
 struct SlicePlane {
@@ -40,4 +41,5 @@ struct NamedPlane {
 /// Input: a slice sum. Output: `term`, whose planes are slicedPlane(first), slicedPlane(first + 1), ... there: copies by the names that filters know.
 NodePtr makeSlicePartNode(std::string term, std::vector<NamedPlane> planes, size_t first, int width, int height);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

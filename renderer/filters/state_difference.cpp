@@ -5,7 +5,8 @@
 
 #include "terms/dropped_samples.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -78,4 +79,5 @@ NodePtr makeStateDifferenceNode(int width, int height, int slots, int slot, int 
   return std::make_shared<StateDifferenceNode>(width, height, slots, slot, streams);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "filters/ray_traced/technique.h"
 #include "terms/visibility.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -74,4 +75,5 @@ NodeId planTint(Graph& graph, const ShadowInput& input, NodeId v) {
   return graph.add(std::move(n));
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -12,11 +12,13 @@
 
 #include "filters/shadow_technique.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 NodePtr makeTintedVisibilityNode(const Extent& extent);
 
 /// Adds the rays through clear surfaces and the product behind a map's visibility `v`; `v` itself where the scene has none.
 NodeId planTint(Graph& graph, const ShadowInput& input, NodeId v);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

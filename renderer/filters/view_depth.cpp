@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "filters/view_depth.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -61,4 +62,5 @@ NodePtr makeViewDepthNode(const Camera& camera, int width, int height, int viewS
   return std::make_shared<ViewDepthNode>(camera, width, height, viewSamples);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -5,10 +5,12 @@
 #include "scene/camera.h"
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Input: G-buffer. Output: "pixels", plane "z_depth", metres: mean over the view samples that hit something of the distance along the camera's
 /// axis (panorama: along the ray); 0 where none does. One pass; double arithmetic. Of the camera, only place and axis count.
 NodePtr makeViewDepthNode(const Camera& camera, int width, int height, int viewSamples);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

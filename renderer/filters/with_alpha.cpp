@@ -5,7 +5,8 @@
 
 #include "terms/dropped_samples.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -52,4 +53,5 @@ class WithAlphaNode final : public Node {
 
 NodePtr makeWithAlphaNode(int width, int height) { return std::make_shared<WithAlphaNode>(width, height); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

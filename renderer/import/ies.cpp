@@ -9,7 +9,8 @@
 
 #include "base/utf8.h"
 
-namespace gobo::inline imports {
+namespace gobo {
+inline namespace imports {
 namespace {
 
 /// Angles of a whole turn, in degrees, and which column of the file each has.
@@ -199,4 +200,5 @@ Result<IesPhotometry> readIes(std::string_view text, const std::string& name) {
   return IesPhotometry{std::move(profile), most * scale};
 }
 
-}  // namespace gobo::inline imports
+}  // namespace imports
+}  // namespace gobo

@@ -9,7 +9,8 @@
 
 #include "scene/light_profile.h"
 
-namespace gobo::inline imports {
+namespace gobo {
+inline namespace imports {
 
 struct IesPhotometry {
   LightProfilePtr profile;  ///< relative to the largest value; sealed
@@ -19,4 +20,5 @@ struct IesPhotometry {
 /// `name` becomes the profile's. Errors: InvalidArgument that names what is wrong, the number's place and its value.
 Result<IesPhotometry> readIes(std::string_view text, const std::string& name);
 
-}  // namespace gobo::inline imports
+}  // namespace imports
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include <cctype>
 
-namespace gobo::inline imports {
+namespace gobo {
+inline namespace imports {
 namespace {
 
 bool endsWith(const std::string& text, std::string_view tail) {
@@ -43,4 +44,5 @@ Result<ScenePtr> loadScene(const std::string& nameOrPath, const LoadOptions& opt
 
 std::shared_ptr<SceneLoader> inProcessLoader(const LoadOptions& options) { return std::make_shared<InProcess>(options); }
 
-}  // namespace gobo::inline imports
+}  // namespace imports
+}  // namespace gobo

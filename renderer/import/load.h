@@ -9,7 +9,8 @@
 #include "scene/load.h"
 #include "scene/loader.h"
 
-namespace gobo::inline imports {
+namespace gobo {
+inline namespace imports {
 
 /// glTF 2.0 (.gltf with files beside it, or .glb). Errors name file, JSON pointer and value. The result is sealed.
 Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options = {});
@@ -20,4 +21,5 @@ Result<ScenePtr> loadScene(const std::string& nameOrPath, const LoadOptions& opt
 /// For EngineOptions.loader.
 std::shared_ptr<SceneLoader> inProcessLoader(const LoadOptions& options = {});
 
-}  // namespace gobo::inline imports
+}  // namespace imports
+}  // namespace gobo

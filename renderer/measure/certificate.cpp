@@ -6,7 +6,8 @@
 
 #include "measure/confidence.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t pixels) {
   CertificateFigures out;
@@ -49,4 +50,5 @@ CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t 
   return out;
 }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

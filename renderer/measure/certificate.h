@@ -24,7 +24,8 @@
 #include "base/vec.h"
 #include "measure/parts.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 struct PixelEvidence {
   Vec3 picture;       ///< linear radiance
@@ -47,4 +48,5 @@ struct CertificateFigures {
 /// two estimators of different bias (measure/parts.h), widened on either side by their distance.
 CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t pixels);
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

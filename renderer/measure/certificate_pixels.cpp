@@ -8,7 +8,8 @@
 #include "base/check.h"
 #include "base/sobol.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 namespace {
 
@@ -150,4 +151,5 @@ std::vector<uint32_t> drawPixels(int width, int height, std::span<const float> c
   return pixels;
 }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

@@ -9,7 +9,8 @@
 
 #include "base/stop.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 // `stop` is polled at least every row; what a function gives that it ended is of no use.
 
@@ -28,4 +29,5 @@ std::vector<float> drawingChances(std::span<const float> forecast, double wanted
 /// chances, rounded up or down. Sorted by index. Depends only on its arguments. O(N).
 std::vector<uint32_t> drawPixels(int width, int height, std::span<const float> chances, uint64_t seed, const StopToken& stop = {});
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

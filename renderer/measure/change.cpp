@@ -9,7 +9,8 @@
 
 #include "base/check.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 namespace {
 
 constexpr int kChannels = 3;
@@ -388,4 +389,5 @@ Result<ChangeFigures> findChange(const std::vector<Image>& reference, const std:
   return out;
 }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include "base/image.h"
 #include "base/status.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 /// A render without noise has one part; one with noise at least kFewestParts, so that 2^(K-1) - 1 other signs are 127 or more.
 inline constexpr int kFewestParts = 8, kMostParts = 16;
@@ -56,4 +57,5 @@ std::vector<uint32_t> signFlips(int parts);
 /// The mean of parts of one size (CHECKed).
 Image meanOf(const std::vector<Image>& parts);
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

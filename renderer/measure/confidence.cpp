@@ -7,7 +7,8 @@
 
 #include "base/check.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 namespace {
 
 constexpr double kNormal975 = 1.959963984540054;
@@ -179,4 +180,5 @@ DrawnInterval drawnInterval(const std::vector<DrawnValue>& drawn, double all) {
   return out;
 }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include <cstddef>
 #include <vector>
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 /// Quantile of Student's t, `degrees` >= 3 (Hill's series in 1/degrees, error < 1e-3 from 8 degrees on), at `normalQuantile`,
 /// the quantile of the normal distribution for the same probability (1.959964 for 0.975).
@@ -57,4 +58,5 @@ struct DrawnInterval {
 ///               light by rare paths there too, + unseenArea * largest value drawn by chance
 DrawnInterval drawnInterval(const std::vector<DrawnValue>& drawn, double all);
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

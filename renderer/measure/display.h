@@ -9,7 +9,8 @@
 #include "base/transfer.h"
 #include "base/vec.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 inline double displayLinear(float radiance) { return radiance > 0 ? std::min(double(radiance), 1.0) : 0.0; }
 inline double srgbEncode(double linear) { return encodeTransfer(Transfer::Srgb, linear); }
@@ -18,4 +19,5 @@ inline double displayLuma(const Vec3& radiance) {
   return 0.2126 * srgbEncode(displayLinear(radiance.x)) + 0.7152 * srgbEncode(displayLinear(radiance.y)) + 0.0722 * srgbEncode(displayLinear(radiance.z));
 }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

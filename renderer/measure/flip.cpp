@@ -7,7 +7,8 @@
 #include "measure/display.h"
 #include "measure/perceptual.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 namespace {
 
 using Plane = std::vector<double>;
@@ -168,4 +169,5 @@ std::vector<double> flipMap(const Image& reference, const Image& test, double pp
   return out;
 }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

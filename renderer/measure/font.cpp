@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "measure/font.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 namespace {
 
 constexpr uint8_t kGlyphs[96][7] = {
@@ -36,4 +37,5 @@ const uint8_t* glyphRows(char c) { return kGlyphs[c >= 0x20 && c <= 0x7e ? c - 0
 
 int glyphDescent(char c) { return c == 'g' || c == 'j' || c == 'p' || c == 'q' || c == 'y' ? 2 : 0; }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

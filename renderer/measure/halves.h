@@ -4,7 +4,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 inline constexpr double kRelMseEpsilon = 1e-2;
 
@@ -42,4 +43,5 @@ inline RelativeError relativeErrorOfHalves(const Vec3& p, const Vec3& a, const V
   return out;
 }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

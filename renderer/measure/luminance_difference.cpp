@@ -9,7 +9,8 @@
 
 #include "base/check.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 namespace {
 
 /// Mean and deviation of value(i) over the chosen pixels: in two passes, the second of which mends the first's rounding.
@@ -87,4 +88,5 @@ std::vector<uint8_t> edgeMask(std::span<const double> reference, int width, int 
   return out;
 }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

@@ -13,7 +13,8 @@
 #include "base/image.h"
 #include "base/status.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 /// Rec. 709 luminance by pixel; of pictures of fewer than three channels the first.
 std::vector<double> luminancesOf(const Image& image);
@@ -38,4 +39,5 @@ Result<LuminanceDifference> luminanceDifference(std::span<const double> picture,
 /// them. 1 or 0 a pixel; a NaN has no say. `reference` is width x height (CHECKed). O(pixels x reach^2).
 std::vector<uint8_t> edgeMask(std::span<const double> reference, int width, int height, int reach = 2, double share = 1.0 / 3.0);
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

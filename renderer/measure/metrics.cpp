@@ -11,7 +11,8 @@
 #include "measure/halves.h"
 #include "measure/perceptual.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 namespace {
 
 Status sameSize(const Image& a, const Image& b) {
@@ -149,4 +150,5 @@ Image differenceImage(const Image& a, const Image& b, float scale) {
   return out;
 }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

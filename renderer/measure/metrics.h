@@ -10,7 +10,8 @@
 #include "base/image.h"
 #include "base/status.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 struct ErrorFigures {
   double rmse = 0;              ///< sqrt of the mean over pixels and channels of (a - b)^2
@@ -49,4 +50,5 @@ Result<HalvesError> errorAgainstHalves(const Image& picture, const Image& halfA,
 /// colour. Linear display-referred RGB in 0..1; a non-finite difference is black. The sizes must agree (CHECKed).
 Image differenceImage(const Image& a, const Image& b, float scale);
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

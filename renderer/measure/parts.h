@@ -8,7 +8,8 @@
 
 #include "measure/halves.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 inline constexpr int kParts = 4;  ///< jackknifing a product of two needs three
 using TruthParts = std::array<Vec3, kParts>;
@@ -66,4 +67,5 @@ inline RelativePartsEstimate relativeErrorOfParts(const Vec3& p, const TruthPart
   return out;
 }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

@@ -7,7 +7,8 @@
 
 #include "base/image.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 /// Mean structural similarity (Wang, Bovik, Sheikh, Simoncelli, IEEE TIP 13(4), 2004): luma, 11 x 11 Gaussian window of
 /// sigma 1.5, K1 = 0.01, K2 = 0.03, L = 1, averaged over the positions whose window lies inside. Pictures below 11 pixels on
@@ -21,4 +22,5 @@ double flipPixelsPerDegree();
 /// are applied as sums of separable ones, which is the same up to rounding. Edges are replicated. About 1 us a pixel.
 std::vector<double> flipMap(const Image& reference, const Image& test, double pixelsPerDegree);
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "base/image_io.h"
 #include "measure/font.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 namespace {
 
 constexpr int kScale = 2;  // of the font
@@ -235,4 +236,5 @@ Status writePlot(const Plot& plot, const std::string& path) {
   return writeFileAtomic(path, png.data(), png.size());
 }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

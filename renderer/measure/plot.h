@@ -9,7 +9,8 @@
 #include "base/image.h"
 #include "base/status.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 struct PlotPoint {
   double x = 0, y = 0;
@@ -40,4 +41,5 @@ Status writePlot(const Plot& plot, const std::string& path);
 /// The values of labelled ticks that an axis from low to high gets (low < high; both positive when logarithmic).
 std::vector<double> axisTicks(double low, double high, bool logarithmic);
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "base/check.h"
 #include "base/image_io.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 namespace {
 
 std::string number(double v, const char* format, const char* notFinite) {
@@ -143,4 +144,5 @@ std::vector<std::string> partsOf(const std::string& text, char by) {
   return out;
 }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

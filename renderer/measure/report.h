@@ -10,7 +10,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 
 class Table {
  public:
@@ -48,4 +49,5 @@ std::string argumentOr(int argc, char** argv, const std::string& flag, const std
 /// The parts of "a,b,c" between `by`; empty ones are left out.
 std::vector<std::string> partsOf(const std::string& text, char by);
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

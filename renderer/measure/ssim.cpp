@@ -6,7 +6,8 @@
 #include "measure/display.h"
 #include "measure/perceptual.h"
 
-namespace gobo::inline measure {
+namespace gobo {
+inline namespace measure {
 namespace {
 
 constexpr int kTaps = 11;
@@ -65,4 +66,5 @@ double structuralSimilarity(const Image& a, const Image& b) {
   return sum / (double(columns) * rows);
 }
 
-}  // namespace gobo::inline measure
+}  // namespace measure
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 constexpr double kDark = -7.0, kBright = 1.0, kGrey = -2.473931188332412;  // log2: of 1/128, 2, 0.18
@@ -31,4 +32,5 @@ std::optional<ChosenExposure> chooseExposure(const PixelValues& linear) {
   return ChosenExposure{std::clamp(std::round((kGrey - mean) * 4.0) / 4.0, -kMost, kMost), std::exp2(mean)};
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

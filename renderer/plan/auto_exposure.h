@@ -7,7 +7,8 @@
 
 #include "base/image.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// Values of a picture where they lie: a copy of a large one takes longer than looking at it.
 struct PixelValues {
@@ -26,4 +27,5 @@ struct ChosenExposure {
 /// quarters of a stop. Of larger pictures about 65536 pixels are looked at, always the same ones. `linear`: 1 channel or 3 and more.
 std::optional<ChosenExposure> chooseExposure(const PixelValues& linear);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

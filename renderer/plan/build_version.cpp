@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/engine.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 std::string buildVersion() { return GOBO_BUILD; }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "plan/planner.h"
 #include "request/material_kinds.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 CertificateDraw drawCertificate(const Image& beauty, const v1::CertificateSettings& settings, const StopToken& stop) {
   const double all = double(beauty.width) * beauty.height;
@@ -76,4 +77,5 @@ Result<v1::Certificate> certifyAgainst(const ReferenceRecipe& recipe, const Imag
   return out;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

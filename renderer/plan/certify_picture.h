@@ -8,7 +8,8 @@
 #include "request/effective_scene.h"
 #include "trace/accel.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// `beauty` is a finished linear picture of the effective scene with its gains; certificate.spp samples a chosen pixel, rounded up
 /// to four equal parts. Errors: Cancelled.
@@ -29,4 +30,5 @@ struct CertificateDraw {
 /// when `stop` ended it is of no use.
 CertificateDraw drawCertificate(const Image& beauty, const v1::CertificateSettings& settings, const StopToken& stop = {});
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

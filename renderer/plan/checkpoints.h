@@ -9,7 +9,8 @@
 #include "base/hash.h"
 #include "terms/term.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 class RenderCheckpoints {
  public:
@@ -22,4 +23,5 @@ class RenderCheckpoints {
   virtual void save(const Hash128& recipe, uint32_t blocks, TermPtr state) = 0;
 };
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

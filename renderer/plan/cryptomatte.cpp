@@ -13,7 +13,8 @@
 #include "terms/cryptomatte.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -109,4 +110,5 @@ int cryptomatteSamples(const v1::RenderRequest& request, uint32_t slices) {
 Result<OutputPlane> planCryptomatteObject(OutputContext& o, const std::string& output, const std::string&) { return planCryptomatte(o, output); }
 Result<OutputPlane> planCryptomatteMaterial(OutputContext& o, const std::string& output, const std::string&) { return planCryptomatte(o, output); }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

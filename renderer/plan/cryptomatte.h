@@ -10,7 +10,8 @@
 #include "gobo/v1/render.pb.h"
 #include "scene/scene.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// What a matte tells apart.
 enum class MatteOf : uint8_t { Objects, Materials };
@@ -31,4 +32,5 @@ std::string cryptomatteCollisions(const std::vector<std::string>& names);
 /// `request`: of one moment.
 int cryptomatteSamples(const v1::RenderRequest& request, uint32_t slices);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

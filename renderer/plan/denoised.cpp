@@ -18,7 +18,8 @@
 #include "request/request.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -296,4 +297,5 @@ Result<NodeId> planFiltered(Graph& graph, const v1::Denoise& settings, const Noi
   return planFilters(graph, parts[0].by, light, parts[0].orAsSampled, width, height, label);
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -7,7 +7,8 @@
 
 #include "technique/plan_context.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// Weighted sum of the contributions: a node with the plane "rgb".
 NodeId planSum(PlanContext& c, std::span<const Contribution> contributions, const std::string& label);
@@ -44,4 +45,5 @@ Result<NoisySlice> planNoisySlice(PlanContext& c, std::span<const Contribution> 
 /// names none.
 Result<NodeId> planFiltered(Graph& graph, const v1::Denoise& settings, const NoisyNodes& light, int width, int height, const std::string& label);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "filters/composite.h"
 #include "filters/denoise/band_limit/lens_features.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -93,4 +94,5 @@ Result<NodeId> planDenoisedSlices(Graph& graph, const v1::RenderRequest& request
   return graph.add(std::move(picture));
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

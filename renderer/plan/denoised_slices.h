@@ -10,7 +10,8 @@
 #include "filters/slice_sum.h"
 #include "plan/denoised.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// Whether slices are put together before they are filtered. denoise.axis_aligned filters them one by one, for pixels along edges by their view samples, which
 /// are of one moment.
@@ -30,4 +31,5 @@ void addNoisySlice(const NoisySlice& slice, std::vector<NodeId>& nodes, bool see
 Result<NodeId> planDenoisedSlices(Graph& graph, const v1::RenderRequest& request, NodeId sum, const NoisyPlanes& at, const NoisySlice& of, bool lit, int slices,
                                   int width, int height, const std::string& label);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

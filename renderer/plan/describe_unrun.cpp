@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <map>
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -135,4 +136,5 @@ void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store,
   for (const std::string& m : plan.missing) reply.add_path_classes_missing(m);
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

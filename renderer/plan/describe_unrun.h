@@ -6,7 +6,8 @@
 #include "plan/executor.h"
 #include "plan/planner.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// Fills everything but `resolved`. `executor` is of plan.graph and has run nothing.
 void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store, int threads, v1::PlanReply& reply);
@@ -20,4 +21,5 @@ double aheadMs(const Plan& plan, Executor& executor, const TermStore& store, int
 /// Rows of what was left out of the plan, and why; of replies too.
 void addPrunedRows(const Graph& graph, google::protobuf::RepeatedPtrField<v1::NodeReport>& rows);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 constexpr const char* kSchema = R"(
@@ -275,4 +276,5 @@ bool DiskIndex::totals(int64_t& bytes, int64_t& files) {
   return found;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

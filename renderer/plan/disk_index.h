@@ -15,7 +15,8 @@
 struct sqlite3;
 struct sqlite3_stmt;
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 class DiskIndex {
  public:
@@ -79,4 +80,5 @@ class DiskIndex {
   ino_t inode_ = 0;
 };
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

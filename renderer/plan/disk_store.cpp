@@ -18,7 +18,8 @@
 #include "plan/term_files.h"
 #include "terms/term_file.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 constexpr size_t kTouchesPerFlush = 64;  // gets whose last use may be lost by a kill
@@ -419,4 +420,5 @@ DiskStoreStats DiskStore::stats() const {
   return impl_->stats;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

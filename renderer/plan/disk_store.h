@@ -20,7 +20,8 @@
 #include "plan/term_note.h"
 #include "terms/term.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// The seams: what a test replaces. Left alone they are the real clock and a disk that does not fail.
 struct DiskStoreOptions {
@@ -80,4 +81,5 @@ class DiskStore {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

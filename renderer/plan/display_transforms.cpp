@@ -7,7 +7,8 @@
 #include "formulas/tone_map.glsl.h"
 #include "plan/straight_alpha.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 namespace {
 
 std::string listed(const std::vector<std::string>& names) {
@@ -162,4 +163,5 @@ Result<Image> shownByView(const Image& linear, double exposure, const ColorProce
   return out;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -16,7 +16,8 @@
 #include "base/status.h"
 #include "gobo/v1/render.pb.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 class DisplayTransforms {
  public:
@@ -61,4 +62,5 @@ void replaceView(v1::RenderRequest& base, const google::protobuf::RepeatedPtrFie
 /// of them is clamped, NaN to 0. Errors: the processor's.
 Result<Image> shownByView(const Image& linear, double exposure, const ColorProcessor& processor, bool onBlack);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

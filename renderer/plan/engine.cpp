@@ -37,7 +37,8 @@
 #include "trace/accel.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -737,4 +738,5 @@ void Engine::fillStatus(v1::StatusReply& s) const {
 
 MemoryLedger& Engine::memory() { return impl_->memory; }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

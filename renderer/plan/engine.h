@@ -21,15 +21,20 @@
 #include "terms/dropped_samples.h"
 #include "terms/term.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 class ColorProcessor;  // base/color_config.h
 }
+}  // namespace gobo
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 struct Scene;  // scene/scene.h
 }
+}  // namespace gobo
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 class DisplayTransforms;  // plan/display_transforms.h
 class RenderCheckpoints;  // plan/checkpoints.h
@@ -182,4 +187,5 @@ Image toneMapped(const Image& linear, const v1::ToneMap& settings);
 /// "0.1.0+<git describe>".
 std::string buildVersion();
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "terms/dropped_samples.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 /// A term goes to disk when making it, and those of its inputs that are not there, took four times as long as writing it (about 100 MB/s synced:
@@ -333,4 +334,5 @@ Result<TermPtr> Executor::runFold(NodeId id, const FoldNode& fold, RunContext& c
   return result;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -22,7 +22,8 @@
 #include "plan/work_in_flight.h"
 #include "terms/graph.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 class MappedGuard;  // plan/mapped_guard.h
 
@@ -107,4 +108,5 @@ class Executor {
 /// called "depth" only. Errors: Cancelled.
 Result<std::string> firstNonFinite(const Term& term, const TaskArena& arena, const StopToken& stop = {});
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "plan/outputs.h"
 #include "techniques/direct_visibility/visibility.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -158,4 +159,5 @@ Result<NodeId> planFilteredLight(PlanContext& c, std::span<const Contribution> s
   return planSum(c, rest, what.output);
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

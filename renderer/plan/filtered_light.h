@@ -12,7 +12,8 @@
 #include "technique/path_set.h"
 #include "technique/plan_context.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// Pictures of three channels, plane "rgb".
 PictureShape pictureShape(int width, int height);
@@ -40,4 +41,5 @@ Result<NodeId> planFilteredLight(PlanContext& context, std::span<const Contribut
 /// Where slices are denoised together there is no such part any more. Errors: InvalidArgument.
 Status checkDenoisedSlices(const PlanContext& context, PathSet shows);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

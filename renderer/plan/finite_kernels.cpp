@@ -6,7 +6,8 @@
 
 #include "plan/executor.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -56,4 +57,5 @@ Result<std::string> firstNonFinite(const Term& term, const TaskArena& arena, con
   return std::string();
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

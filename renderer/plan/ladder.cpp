@@ -10,7 +10,8 @@
 #include "request/shutter.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -101,4 +102,5 @@ uint32_t nextRung(uint32_t spp, uint32_t most, const RungTimes& times) {
   return std::max(samplesOf(passes) > aim ? samplesOf(passes - 1) : samplesOf(passes), least);
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -11,7 +11,8 @@
 
 #include "gobo/v1/render.pb.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// How much smaller each way the small picture is.
 inline constexpr uint32_t kShrink = 4, kShrinkMore = 8;
@@ -49,4 +50,5 @@ struct RungTimes {
 /// `spp` itself where nothing more fits into the time that is left. Counts are realised as they are: samplesOf() of some passes.
 uint32_t nextRung(uint32_t spp, uint32_t most, const RungTimes& times);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

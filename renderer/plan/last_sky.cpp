@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/planner.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 EnvironmentPtr LastSky::find(const std::string& settings) const {
   std::lock_guard lock(mutex_);
@@ -19,4 +20,5 @@ uint64_t LastSky::bytes() const {
   return map_ ? map_->texels.size() * sizeof(Vec3) : 0;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

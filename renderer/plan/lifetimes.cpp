@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/lifetimes.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 void Lifetimes::ask(std::span<const NodeId> nodes) {
   const size_t n = size_t(graph_.size());
@@ -15,4 +16,5 @@ void Lifetimes::ask(std::span<const NodeId> nodes) {
   }
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

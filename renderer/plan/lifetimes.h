@@ -8,7 +8,8 @@
 
 #include "terms/graph.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 class Lifetimes {
  public:
@@ -51,4 +52,5 @@ class Lifetimes {
   std::vector<bool> resolved_;    // made or found
 };
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -7,7 +7,8 @@
 
 #include "plan/lifetimes.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -116,4 +117,5 @@ uint64_t mostLiveBytes(const Graph& graph, std::span<const NodeId> outputs, std:
   return most;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -10,9 +10,11 @@
 
 #include "terms/graph.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// `outputs` are held to the end; `expanded` are evaluated while planning, each by itself.
 uint64_t mostLiveBytes(const Graph& graph, std::span<const NodeId> outputs, std::span<const NodeId> expanded = {});
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

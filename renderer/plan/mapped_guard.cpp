@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/mapped_guard.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 Status MappedGuard::check() const {
   for (const Watched& w : files_)
@@ -20,4 +21,5 @@ std::vector<std::shared_ptr<const MappedFile>> MappedGuard::broken() const {
   return out;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

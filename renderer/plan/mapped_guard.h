@@ -12,7 +12,8 @@
 #include "base/mapped_file.h"
 #include "scene/scene.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 class MappedGuard {
  public:
@@ -33,4 +34,5 @@ class MappedGuard {
   std::vector<Watched> files_;
 };
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

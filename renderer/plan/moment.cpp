@@ -9,7 +9,8 @@
 #include "technique/plan_context.h"
 #include "trace/reach.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -126,4 +127,5 @@ Result<uint64_t> planMoment(Plan& plan, std::vector<PlannedOutput>& planned, std
   return context.reserved();
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

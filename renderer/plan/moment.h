@@ -11,7 +11,8 @@
 #include "plan/planner.h"
 #include "plan/window.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// A sky, as the request has it and as a map.
 struct Sky {
@@ -46,4 +47,5 @@ void addNew(std::vector<T>& to, const std::vector<T>& from) {
     if (std::find(to.begin(), to.end(), t) == to.end()) to.push_back(t);
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

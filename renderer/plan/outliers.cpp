@@ -9,7 +9,8 @@
 #include "plan/denoised.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -153,4 +154,5 @@ Status checkOutliers(const v1::RenderRequest& r) {
           field};
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

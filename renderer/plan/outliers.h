@@ -8,7 +8,8 @@
 
 #include "technique/plan_context.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// What of `brought` is judged comes as one contribution for each state and class instead, made of samples that no other node traces: the light that the path
 /// tracer's own picture has, weights in it, so that other gains are other samples. The rest as it is.
@@ -21,4 +22,5 @@ Status checkOutliers(const v1::RenderRequest& resolved);
 /// How many samples a pixel may have, for requests that leave their number open; what any number may be where no samples are held.
 uint32_t mostSamples(const v1::RenderRequest& resolved, uint32_t most);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

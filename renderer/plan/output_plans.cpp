@@ -22,7 +22,8 @@
 #include "terms/path_trace.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -211,4 +212,5 @@ Result<OutputPlane> planShadowBasis(OutputContext& o, const std::string& output,
   return OutputPlane{*mosaic, "image"};
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

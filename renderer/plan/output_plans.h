@@ -8,7 +8,8 @@
 #include "plan/planner.h"
 #include "technique/plan_context.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 class OutputContext {
  public:
@@ -42,4 +43,5 @@ Result<OutputPlane> planShadowRays(OutputContext&, const std::string& output, co
 Result<OutputPlane> planShadowWidth(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planShadowBasis(OutputContext&, const std::string& output, const std::string& light);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "plan/cryptomatte.h"
 #include "plan/output_plans.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -162,4 +163,5 @@ std::string nameTable(std::span<const std::string> names) {
   return jsonObject(pairs);
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

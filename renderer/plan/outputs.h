@@ -16,7 +16,8 @@
 #include "terms/gbuffer.h"
 #include "terms/graph.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 enum class OutputKind : uint8_t {
   Radiance,  ///< tone mapped in PNG and JPEG; DWA may lose some
@@ -81,4 +82,5 @@ std::string jsonObject(std::span<const std::string> namesAndValues);
 /// {"0":"floor","1":"box"}: what an id stands for.
 std::string nameTable(std::span<const std::string> names);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

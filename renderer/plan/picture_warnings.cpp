@@ -5,7 +5,8 @@
 
 #include "plan/auto_exposure.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 constexpr double kFarTooBright = 8.0;  // log-average luminance: two stops beyond what an exposure is chosen for
@@ -29,4 +30,5 @@ std::string photometricWarning(const PixelValues& beauty) {
 
 bool isPhotometricWarning(const std::string& warning) { return warning.ends_with(kPhotometric); }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

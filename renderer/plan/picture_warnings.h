@@ -8,7 +8,8 @@
 #include "plan/auto_exposure.h"
 #include "terms/dropped_samples.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// Empty where nothing was dropped.
 std::string droppedWarning(const std::string& output, const DroppedTotal& dropped);
@@ -18,4 +19,5 @@ std::string photometricWarning(const PixelValues& beauty);
 /// Whether `warning` is one of those.
 bool isPhotometricWarning(const std::string& warning);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "plan/window.h"
 #include "request/shutter.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -76,4 +77,5 @@ Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderReq
   return plan;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -15,7 +15,8 @@
 #include "technique/technique.h"
 #include "terms/graph.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 struct PlannedOutput {
   std::string name;
@@ -67,4 +68,5 @@ struct PlannerServices {
 /// such a plan `effective` and `groups` are those of the slice in the middle.
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t passes, const PlannerServices& services);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

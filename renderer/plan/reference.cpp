@@ -8,7 +8,8 @@
 #include "techniques/caustics/caustic_plan.h"
 #include "trace/photon_tracer.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -135,4 +136,5 @@ Result<std::vector<Vec3>> ReferenceTracer::trace(const std::vector<uint32_t>& pi
   return means;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -15,7 +15,8 @@
 #include "trace/accel.h"
 #include "trace/path_tracer.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// What a reference consists of. Two traces of one recipe are independent where seed or stream differ.
 struct ReferenceRecipe {
@@ -59,4 +60,5 @@ class ReferenceTracer {
   std::shared_ptr<const PathTracer> hidden_, shown_;
 };
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include <cstdio>
 #include <random>
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 std::string randomId() {
@@ -63,4 +64,5 @@ uint64_t RememberedRenders::bytes() const {
   return held_;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -14,7 +14,8 @@
 
 #include "gobo/v1/render.pb.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 class RememberedRenders {
  public:
@@ -46,4 +47,5 @@ class RememberedRenders {
   uint64_t held_ = 0;
 };
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include <string>
 #include <vector>
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// Who asks. The default may do everything: callers without a token, in this process.
 struct SceneAccess {
@@ -22,4 +23,5 @@ struct SceneAccess {
   bool changes(const std::string& owner) const { return all || (!owner.empty() && owner == caller); }
 };
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -15,7 +15,8 @@
 #include "scene/edit.h"
 #include "scene/load.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -534,4 +535,5 @@ size_t SceneLibrary::count() const {
   return scenes_.size();
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

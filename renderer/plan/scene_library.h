@@ -19,7 +19,8 @@
 #include "scene/loader.h"
 #include "scene/scene.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 struct SceneLimits {
   uint64_t sceneBytes = UINT64_MAX, environmentBytes = UINT64_MAX;
@@ -118,4 +119,5 @@ class SceneLibrary {
   std::map<std::string, Map> environments_;  ///< by canonical path + settled file stamp, or "sha256:" + digest
 };
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -12,7 +12,8 @@
 #include "plan/output_plans.h"
 #include "request/shutter.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -131,4 +132,5 @@ Result<uint64_t> planSlices(Plan& plan, const ScenePtr& base, const v1::RenderRe
   return reserved + poses;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

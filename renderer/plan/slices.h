@@ -5,11 +5,13 @@
 #include "plan/planner.h"
 #include "plan/window.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// Each slice of the shutter's interval as the picture of its moment, and what they are together. Bytes that may be held beside what the nodes say. Errors:
 /// ResourceExhausted (poses).
 Result<uint64_t> planSlices(Plan& plan, const ScenePtr& base, const v1::RenderRequest& request, uint32_t passes, const PixelWindow& window,
                             const PlannerServices& services);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

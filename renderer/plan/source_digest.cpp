@@ -2,7 +2,9 @@
 #include "plan/source_digest.h"
 
 #ifndef GOBO_SOURCE_DIGEST  // else cmake/source_digest.cmake wrote it
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 std::string_view sourceDigest() { return {}; }
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo
 #endif

@@ -3,10 +3,12 @@
 
 #include <string_view>
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// Part of every recipe key in builds for work on the code (CMAKE_BUILD_TYPE Debug): a digest of the renderer's sources, so that a store on disk never
 /// serves what other code made. Empty in builds for use, where versions of nodes say what changed (docs/changed_pictures.md).
 std::string_view sourceDigest();
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

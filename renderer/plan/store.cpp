@@ -6,7 +6,8 @@
 
 #include "plan/disk_store.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 static int64_t wallMicros() {
   return int64_t(std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count());
@@ -185,4 +186,5 @@ Status TermStore::lastDiskError() const {
 
 uint64_t TermStore::diskBytes() const { return disk_ ? disk_->bytes() : 0; }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

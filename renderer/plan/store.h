@@ -22,7 +22,8 @@
 #include "terms/fresh_memory.h"
 #include "terms/term.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 class DiskStore;  // plan/disk_store.h
 
@@ -104,4 +105,5 @@ class TermStore {
   void setPinned(Entries::iterator at, bool pinned);
 };
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "plan/disk_store.h"
 #include "plan/store.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -121,4 +122,5 @@ uint64_t TermStore::pinnedBytes() const {
 uint64_t TermStore::pinnedDiskBytes() const { return disk_ ? disk_->pinnedBytes() : 0; }
 uint64_t TermStore::maxDiskBytes() const { return disk_ ? disk_->maxBytes() : 0; }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

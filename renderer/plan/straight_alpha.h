@@ -8,7 +8,8 @@
 
 #include "base/image.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 struct StraightAlpha {
   Image colour;              ///< 3 channels, divided by alpha; black where there is none
@@ -38,4 +39,5 @@ inline Image withAlpha(const Image& colour, const std::vector<float>& alpha, con
   return out;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

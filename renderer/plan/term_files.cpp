@@ -18,7 +18,8 @@
 #include "base/hash.h"
 #include "base/own_folder.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 namespace {
 
@@ -223,4 +224,5 @@ uint64_t TermFiles::removeStaleTemps(int64_t nowMicros, double seconds) {
   return removed;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -14,7 +14,8 @@
 #include "base/status.h"
 #include "base/stop.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// ResourceExhausted for a full disk or quota, Internal else; names the action and the file.
 Status fileError(const std::string& action, const std::string& path, int error);
@@ -62,4 +63,5 @@ class TermFiles {
   int lock_ = -1;
 };
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

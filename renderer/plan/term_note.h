@@ -7,7 +7,8 @@
 
 #include "base/hash.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 struct TermNote {
   std::string label;   ///< of its node in the plan of the request that made it
@@ -25,4 +26,5 @@ struct StoredTerm {
   bool pinned = false;
 };
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

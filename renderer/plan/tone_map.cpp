@@ -5,7 +5,8 @@
 
 #include "formulas/tone_map.glsl.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 Image toneMapped(const Image& linear, const v1::ToneMap& settings) {
   using namespace formulas;
@@ -36,4 +37,5 @@ Image toneMapped(const Image& linear, const v1::ToneMap& settings) {
   return out;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 std::vector<bool> nodesOfView(const Graph& graph, const Extent& view) {
   std::vector<bool> out(size_t(graph.size()), false);
@@ -63,4 +64,5 @@ PixelWindow grown(const PixelWindow& w, int halo, int filmWidth, int filmHeight)
   return out;
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

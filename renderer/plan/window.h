@@ -9,7 +9,8 @@
 #include "technique/plan_context.h"
 #include "terms/graph.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 /// How nodes are called that cut an output out of what was made around it; the plan of a whole picture has none.
 inline constexpr char kCropNode[] = "crop:";
@@ -27,4 +28,5 @@ Result<int> haloOf(const Graph& graph, std::span<const NodeId> outputs, const Ex
 /// The window with `halo` pixels around it, as far as the picture goes.
 PixelWindow grown(const PixelWindow& window, int halo, int filmWidth, int filmHeight);
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

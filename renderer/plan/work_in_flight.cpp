@@ -3,7 +3,8 @@
 
 #include <chrono>
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 Result<WorkInFlight::Turn> WorkInFlight::take(const Hash128& recipe, uint32_t blocks, const StopToken& stop) {
   constexpr auto kLook = std::chrono::milliseconds(5);  // at the stop token
@@ -61,4 +62,5 @@ void WorkInFlight::Turn::finish(TermPtr term) {
   work_->result = std::move(term);
 }
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

@@ -18,7 +18,8 @@
 #include "base/stop.h"
 #include "terms/term.h"
 
-namespace gobo::inline plan {
+namespace gobo {
+inline namespace plan {
 
 class WorkInFlight {
  public:
@@ -69,4 +70,5 @@ class WorkInFlight::Turn {
   TermPtr result_;
 };
 
-}  // namespace gobo::inline plan
+}  // namespace plan
+}  // namespace gobo

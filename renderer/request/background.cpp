@@ -7,7 +7,8 @@
 #include "request/environment_map.h"
 #include "scene/environment_blur.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 namespace {
 
@@ -56,4 +57,5 @@ Result<Background> makeBackground(const ScenePtr& scene, const std::vector<Vec3>
   return out;
 }
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "gobo/v1/render.pb.h"
 #include "scene/scene.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 struct Background {
   /// The environment's light in the effective scene where the camera does not see it, but `scene`'s; -1: the map is what is seen.
@@ -24,4 +25,5 @@ struct Background {
 /// `scene` is sealed; `gains` as EffectiveScene has them. Errors name the field; Cancelled after `stop`.
 Result<Background> makeBackground(const ScenePtr& scene, const std::vector<Vec3>& gains, const v1::EnvironmentSettings& settings, const StopToken& stop = {});
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "request/expressions.h"
 #include "request/request.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 namespace {
 
@@ -94,4 +95,5 @@ Status applyCurves(v1::RenderRequest& request) {
   return {};
 }
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "base/status.h"
 #include "gobo/v1/render.pb.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 /// `width` numbers at `time`: the first key's before it, the last one's after it. SMOOTH: Fritsch, Carlson 1980, "Monotone Piecewise Cubic
 /// Interpolation": monotone between keys that are, so never beyond them. Times increase, values are finite, width per time. O(log keys), SMOOTH O(1) more.
@@ -17,4 +18,5 @@ void evaluateCurve(const v1::Curve& curve, int width, double time, double* out);
 /// out of the field's range, at whatever time.
 Status applyCurves(v1::RenderRequest& request);
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

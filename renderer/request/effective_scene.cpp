@@ -13,7 +13,8 @@
 #include "scene/studio.h"
 #include "trace/emission_profile.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 namespace {
 
@@ -511,4 +512,5 @@ RelightGroups makeGroups(const Scene& scene, int maxGroups, const StopToken& sto
   return g;
 }
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

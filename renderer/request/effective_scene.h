@@ -14,7 +14,8 @@
 #include "request/posed_scene.h"
 #include "scene/scene.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 struct EffectiveScene {
   ScenePtr scene;
@@ -64,4 +65,5 @@ RelightGroups makeGroups(const Scene& scene, int maxGroups, const StopToken& sto
 /// traced apart on top of what it leaves of them.
 void scaleClusters(EffectiveScene& effective, RelightGroups& groups);
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

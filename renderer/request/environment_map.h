@@ -6,7 +6,8 @@
 #include "scene/scene.h"
 #include "terms/extract_lights.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 /// Index of the light that is the scene's environment; -1: it has none.
 inline int environmentLight(const Scene& scene) {
@@ -23,4 +24,5 @@ inline ExtractBy extractBy(const v1::EnvironmentSettings& sky) {
   }
 }
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

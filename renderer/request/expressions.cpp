@@ -8,7 +8,8 @@
 #include "gobo/v1/options.pb.h"
 #include "request/request.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 namespace {
 
@@ -173,4 +174,5 @@ Result<StyleFormulas> styleFormulas(const v1::RenderRequest& request, const std:
   return out;
 }
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

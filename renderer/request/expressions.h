@@ -12,7 +12,8 @@
 #include "filters/stylised/style_formulas.h"
 #include "gobo/v1/render.pb.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 /// Whether a field at this path may have a curve or an expression: of camera, lights, environment, shadows, tone_map, integrator, meshes, filters.
 bool mayVary(std::string_view path);
@@ -29,4 +30,5 @@ bool expressionsMove(const v1::RenderRequest& request);
 /// shadows.style. `scene`: whose objects they name. Errors: InvalidArgument: an object that is not in the scene.
 Result<StyleFormulas> styleFormulas(const v1::RenderRequest& request, const std::string& light, const Scene& scene);
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "trace/straight.h"
 #include "trace/surface.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 namespace {
 
@@ -95,4 +96,5 @@ std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics) {
   return missing;
 }
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "scene/scene.h"
 #include "trace/reach.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 struct MaterialKinds {
   bool extended = false;     ///< the surface term's planes do not hold every material
@@ -31,4 +32,5 @@ MaterialKinds materialKinds(const Scene& scene);
 /// `caustics`: photons are traced for them too (trace/photon_tracer.h).
 std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics = false);
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "scene/edit.h"
 #include "scene/mesh_filters/mesh_filters.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 namespace {
 
@@ -182,4 +183,5 @@ Result<ScenePtr> withMeshEdits(const ScenePtr& scene, const v1::RenderRequest& r
   return Status(edited.status().code(), edited.status().message(), "request.meshes");  // of places that the transform takes beyond 1e9 m
 }
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

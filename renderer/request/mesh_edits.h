@@ -6,7 +6,8 @@
 #include "gobo/v1/render.pb.h"
 #include "scene/scene.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 /// Digest of the edits as they are written; requests with equal edits have equal ones.
 Hash128 meshEditsHash(const v1::RenderRequest& request);
@@ -19,4 +20,5 @@ Hash128 meshEditsHash(const v1::RenderRequest& request);
 /// object or moves a vertex beyond 1e9 m, more than 1e9 triangles times passes of smoothing. Cancelled soon after `stop`.
 Result<ScenePtr> withMeshEdits(const ScenePtr& scene, const v1::RenderRequest& request, const StopToken& stop = {});
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

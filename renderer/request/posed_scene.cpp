@@ -6,7 +6,8 @@
 #include "base/mapped_file.h"
 #include "request/mesh_edits.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop) {
   auto placed = [](Result<ScenePtr> r, const char* field) -> Result<ScenePtr> {
@@ -55,4 +56,5 @@ uint64_t PosedScenes::bytes() const {
   return held();
 }
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

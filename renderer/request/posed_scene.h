@@ -11,7 +11,8 @@
 #include "gobo/v1/render.pb.h"
 #include "scene/scene.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 /// Variant first, then the pose, then the meshes (mesh_edits.h). Where nothing changes: `base` itself. Errors (NotFound, with the names there are) name
 /// the request's field; Cancelled soon after `stop`.
@@ -37,4 +38,5 @@ class PosedScenes {
   std::list<std::pair<Key, ScenePtr>> recent_;  ///< latest first
 };
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

@@ -16,7 +16,8 @@
 #include "base/utf8.h"
 #include "gobo/v1/options.pb.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 namespace {
 
@@ -261,4 +262,5 @@ std::string messageToJson(const Message& message, bool pretty) {
 
 std::string requestHash(const v1::RenderRequest& resolved) { return Hasher("request").add(messageHash(resolved)).add(resolved.scene_hash()).digest().hex(); }
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

@@ -12,7 +12,8 @@
 #include "base/status.h"
 #include "gobo/v1/render.pb.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 /// Fills in the defaults named in the schema, recursively in sub-messages that are present, and checks ranges.
 /// Errors: InvalidArgument naming the field path and the value, e.g. "integrator.max_bounces = 900: must be at most 64".
@@ -52,4 +53,5 @@ Status applyMask(google::protobuf::Message& base, const google::protobuf::Messag
 /// The paths of all leaf fields set in a message: what `gobo relight --set` puts into the mask.
 std::vector<std::string> setPaths(const google::protobuf::Message& message);
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "base/closest.h"
 #include "request/request.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 namespace {
 
@@ -398,4 +399,5 @@ std::vector<std::string> setPaths(const Message& message) {
   return out;
 }
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include "scene/rig.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 namespace {
 
@@ -99,4 +100,5 @@ Result<v1::RenderRequest> sliceRequest(const v1::RenderRequest& resolved, uint32
   return r;
 }
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

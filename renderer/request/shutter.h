@@ -7,7 +7,8 @@
 #include "gobo/v1/render.pb.h"
 #include "scene/scene.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 inline constexpr uint32_t kShutterSlices = 16;  ///< where a request does not say
 
@@ -34,4 +35,5 @@ uint64_t sliceSeed(uint64_t seed, uint32_t slice, uint32_t slices);
 /// What slice k of a resolved request's picture is a picture of: the request without a shutter at time_s (0 if absent) + (k + 0.5) / slices shutter_s.
 Result<v1::RenderRequest> sliceRequest(const v1::RenderRequest& resolved, uint32_t k);
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

@@ -5,7 +5,8 @@
 
 #include "request/request.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 namespace {
 
@@ -30,4 +31,5 @@ Status applyStyleSheet(v1::RenderRequest& request, const std::string& json, cons
   return applyMask(request, sheet, paths);
 }
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

@@ -8,10 +8,12 @@
 #include "base/status.h"
 #include "gobo/v1/render.pb.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 /// Puts what the sheet says over what `request` says. `source`: its name in errors. Errors: InvalidArgument: no JSON of a request, or a field that is no
 /// style's.
 Status applyStyleSheet(v1::RenderRequest& request, const std::string& json, const std::string& source);
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "request/styles.h"
 
-namespace gobo::inline request {
+namespace gobo {
+inline namespace request {
 
 namespace {
 
@@ -63,4 +64,5 @@ Status resolveStyles(v1::RenderRequest& request) {
   return {};
 }
 
-}  // namespace gobo::inline request
+}  // namespace request
+}  // namespace gobo

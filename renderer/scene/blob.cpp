@@ -9,7 +9,8 @@
 #include "scene/blob_codec.h"
 #include "scene/texture_seal.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 enum class Kind : uint32_t { Scene = 1, Environment = 2 };
@@ -313,4 +314,5 @@ Result<EnvironmentPtr> readEnvironmentBlob(const std::shared_ptr<const MappedFil
   return EnvironmentPtr(*map);
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

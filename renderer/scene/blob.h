@@ -24,7 +24,8 @@
 #include "base/stop.h"
 #include "scene/scene.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 using BlobKey = std::array<uint8_t, 32>;  ///< SHA-256 of what the blob was made from; zero: not known
 enum class BlobTrust { Foreign, Own };
@@ -61,4 +62,5 @@ Result<EnvironmentPtr> readEnvironmentBlob(std::shared_ptr<const void> owner, st
 Result<ScenePtr> readSceneBlob(const std::shared_ptr<const MappedFile>& file, BlobTrust trust, const BlobKey* key = nullptr);
 Result<EnvironmentPtr> readEnvironmentBlob(const std::shared_ptr<const MappedFile>& file, BlobTrust trust, const BlobKey* key = nullptr);
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

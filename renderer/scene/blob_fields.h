@@ -6,7 +6,8 @@
 #include "scene/fields.h"
 #include "scene/scene.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 template <Same<Mesh> S, typename V>
 void visitFields(S& s, V&& v) {
@@ -105,4 +106,5 @@ void visitFields(S& s, V&& v) {
   v("warnings", s.warnings);
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/camera.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 void hashOptics(Hasher& h, const Camera& camera) {
   const CameraOptics &o = camera.optics, none;
@@ -57,4 +58,5 @@ Mat4 worldToNdc(const Camera& camera, int width, int height) {
   return p * worldToCamera(camera);
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "base/hash.h"
 #include "base/vec.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// What a request alone gives a camera (no scene file has it): the intrinsics of a measured camera, clipping, the panorama.
 struct CameraOptics {
@@ -140,4 +141,5 @@ Mat4 worldToCamera(const Camera& camera);
 /// no matrix makes.
 Mat4 worldToNdc(const Camera& camera, int width, int height);
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

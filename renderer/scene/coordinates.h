@@ -7,7 +7,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// Metres, of every coordinate of a scene, a pose, a patch and a request; factors of transforms alike. The schema's ranges of lengths agree.
 inline constexpr float kLargestCoordinate = 1e9f;
@@ -25,4 +26,5 @@ inline bool isCoordinate(const Mat4& m) {
   return true;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

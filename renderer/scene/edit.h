@@ -4,7 +4,8 @@
 
 #include "scene/scene.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// Copies (shallow: meshes and textures are shared), lets `edit` change it, seals. The edit must not touch shared meshes.
 template <typename Edit>
@@ -15,4 +16,5 @@ Result<ScenePtr> editScene(const Scene& base, Edit&& edit) {
   return ScenePtr(copy);
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "scene/environment_cube.h"
 #include "scene/environment_tents.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 constexpr float kBelowOne = 0x1.fffffep-1f;
@@ -90,4 +91,5 @@ EnvironmentPtr constantEnvironment(const Vec3& radiance) {
   return makeEnvironment("constant", std::move(image));
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

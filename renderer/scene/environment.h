@@ -14,11 +14,14 @@
 #include "base/stop.h"
 #include "base/vec.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 class MappedFile;  // base/mapped_file.h
 }
+}  // namespace gobo
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 struct Environment {
   std::string name;
@@ -60,4 +63,5 @@ struct SkyParameters {
 /// Null if `stop`, polled every row, fired first.
 EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width = 512, const StopToken& stop = {});
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

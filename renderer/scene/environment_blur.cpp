@@ -9,7 +9,8 @@
 
 #include "scene/environment_tents.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 namespace {
 
@@ -143,4 +144,5 @@ EnvironmentPtr blurredEnvironment(const Environment& map, double sigma, const St
   return turned(blurred, map.rotation);
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -7,7 +7,8 @@
 
 #include "base/check.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 enum Face { Right, Left, Top, Bottom, Front, Back };
@@ -158,4 +159,5 @@ Image latLongFromCube(const Image& cube, CubeLayout layout, const StopToken& sto
   return out;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

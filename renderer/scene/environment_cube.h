@@ -16,7 +16,8 @@
 #include "base/stop.h"
 #include "base/vec.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 enum class CubeLayout {
   None,             ///< lat-long
@@ -42,4 +43,5 @@ Vec2 cubePosition(CubeLayout layout, int face, const Vec3& direction, Vec2& face
 /// `stop` is polled every row; the picture is of no use then.
 Image latLongFromCube(const Image& cube, CubeLayout layout, const StopToken& stop = {});
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

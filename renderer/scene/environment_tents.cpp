@@ -7,7 +7,8 @@
 
 #include "base/to_index.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 /// Integrals over t from 0 to tau of (1 - t) cos(t step) and (1 - t) sin(t step): the falling half of a tent against the sine of
@@ -87,4 +88,5 @@ double environmentFlux(const Environment* map, const StopToken& stop) {
   return sum;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

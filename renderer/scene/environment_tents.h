@@ -12,7 +12,8 @@
 #include "base/stop.h"
 #include "scene/environment.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// x, y: continuous texel coordinates, texel centres at half integers; x any number within a map's width of the map.
 Vec3 interpolateTexels(const Environment& map, double x, double y);
@@ -39,4 +40,5 @@ class EnvironmentTents {
 /// use then.
 double environmentFlux(const Environment* map, const StopToken& stop = {});
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

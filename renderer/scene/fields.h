@@ -10,7 +10,8 @@
 #include "scene/light.h"
 #include "scene/material.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 template <typename S, typename T>
 concept Same = std::is_same_v<std::remove_cvref_t<S>, T>;
@@ -129,4 +130,5 @@ void visitFields(S& s, V&& v) {
   v("centre", s.centre);
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -14,7 +14,8 @@
 
 #include "base/image_io.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 std::string realPath(const std::string& p) {
@@ -78,4 +79,5 @@ Result<std::vector<uint8_t>> DiskFiles::beside(const std::string& name, uint64_t
   return bytes;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -9,7 +9,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 class FileSource {
  public:
@@ -41,4 +42,5 @@ class DiskFiles final : public FileSource {
   std::string path_;
 };
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -8,7 +8,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 enum class LightKind : uint8_t {
   Point,        ///< delta position; power = radiant intensity, W/sr
@@ -72,4 +73,5 @@ inline float nominalScalar(const Light& light) {
   return l > 0.0f && std::isfinite(l) ? l : 1.0f;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -4,7 +4,8 @@
 
 #include "scene/light.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// z = axis; x along u for rectangles, so that the image is square to them, and for Directional lights whose u is perpendicular to the axis
 /// (by which a square light at infinity is turned); any x otherwise.
@@ -34,4 +35,5 @@ inline Vec3 carried(const Vec3& direction, const Vec3& from, const Vec3& to) {
   return direction + turn + glm::cross(w, turn) / (1.0f + c);
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "base/sobol.h"
 #include "scene/light_profile.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 constexpr int kSide = 256, kSteps = 4;  // steps: sub-samples a texel and axis, as edges of slats are seldom sharp
@@ -74,4 +75,5 @@ LightProfilePtr patternProfile(LightPattern pattern) {
   return made[size_t(pattern)];
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

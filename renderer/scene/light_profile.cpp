@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <numbers>
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 constexpr double kPi2 = 2.0 * std::numbers::pi;
@@ -81,4 +82,5 @@ Vec3 photometryAt(const LightProfile& p, double vertical, double horizontal) {
   return (a[0] * (1.0f - s) + a[next] * s) * (1.0f - t) + (b[0] * (1.0f - s) + b[next] * s) * t;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

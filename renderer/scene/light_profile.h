@@ -15,7 +15,8 @@
 #include "base/status.h"
 #include "base/vec.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 enum class ProfileKind : uint8_t { Picture, Photometry };
 
@@ -48,4 +49,5 @@ Vec3 photometryAt(const LightProfile& profile, double vertical, double horizonta
 enum class LightPattern : uint8_t { Blinds, Window, Leaves };
 LightProfilePtr patternProfile(LightPattern pattern);
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include "scene/builtin/build.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 struct Builtin {
@@ -34,4 +35,5 @@ Result<ScenePtr> makeBuiltinScene(const std::string& name, const StopToken& stop
   return notFound("no built-in scene \"" + name + "\"; there are: " + list);
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

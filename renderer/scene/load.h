@@ -9,7 +9,8 @@
 #include "scene/file_source.h"
 #include "scene/scene.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// Where the time of a load went.
 struct LoadTimes {
@@ -30,4 +31,5 @@ struct LoadOptions {
 Result<ScenePtr> makeBuiltinScene(const std::string& name, const StopToken& stop = {});
 const std::vector<std::string>& builtinSceneNames();
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

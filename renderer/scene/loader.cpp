@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/loader.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 class NoLoader final : public SceneLoader {
@@ -17,4 +18,5 @@ class NoLoader final : public SceneLoader {
 
 std::shared_ptr<SceneLoader> noLoader() { return std::make_shared<NoLoader>(); }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

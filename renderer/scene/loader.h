@@ -9,7 +9,8 @@
 #include "base/stop.h"
 #include "scene/load.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// Milliseconds and bytes of one load. Zero: not known, or not done.
 struct LoadReport {
@@ -38,4 +39,5 @@ class SceneLoader {
 /// Refuses every file (Unimplemented): built-in scenes are all there is.
 std::shared_ptr<SceneLoader> noLoader();
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -12,7 +12,8 @@
 #include "base/hash.h"
 #include "base/vec.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 inline constexpr int kUvSets = 4;  ///< TEXCOORD_n that a mesh keeps
 
@@ -128,4 +129,5 @@ struct Material {
   bool emits() const { return maxComponent(emission.radiance) > 0.0f; }
 };
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -14,7 +14,8 @@
 #include "base/vec.h"
 #include "scene/material.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// Facets: the parts of a scene that a source may depend on. A node declares the set that it reads.
 enum class Facet : uint32_t {
@@ -98,4 +99,5 @@ struct MeshView : mesh_parts::If<F, Facet::Topology, mesh_parts::Topology>,
         mesh_parts::If<F, Facet::Coverage, mesh_parts::Coverage>(m, alphaTested) {}
 };
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

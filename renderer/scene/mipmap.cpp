@@ -10,7 +10,8 @@
 #include "base/check.h"
 #include "scene/texture_seal.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 /// sRGB encoding of 8 bits by table: 65536 steps put at least 19 of them between any two codes.
@@ -210,4 +211,5 @@ void finishTextures(Scene& scene, uint64_t maxBytes, const StopToken& stop) {
   }
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

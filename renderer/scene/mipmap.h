@@ -11,7 +11,8 @@
 #include "base/stop.h"
 #include "scene/scene.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// log2 of the tile side: 4 x 4 RGBA8 texels are one cache line. Chosen by `bench/ingest_bench --layout`.
 inline constexpr int kTextureTile = 2;
@@ -28,4 +29,5 @@ Texture mipmapped(const Texture& texture, bool coverage, int drop = 0, int tile 
 /// After `stop` the scene is of no use.
 void finishTextures(Scene& scene, uint64_t maxBytes, const StopToken& stop = {});
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -21,7 +21,8 @@
 #include "scene/fields.h"
 #include "scene/material.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 struct Mesh;
 struct Scene;
@@ -229,4 +230,5 @@ void visitFields(S& s, V&& v) {
   v("uses", s.uses);
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

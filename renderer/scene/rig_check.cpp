@@ -8,7 +8,8 @@
 #include "scene/coordinates.h"
 #include "scene/scene.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 template <typename T>
@@ -189,4 +190,5 @@ Status sealRig(Rig& rig, const Scene& scene) {
 
 size_t rigBytes(const Rig& rig) { return sizeof(Rig) + fieldBytes(rig) + rig.nodes.size() * sizeof(RigNode); }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -4,7 +4,8 @@
 #include "scene/rig_sample.h"
 #include "scene/scene.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 constexpr size_t kPoll = 4096;  // vertices between two looks at a stop token
@@ -113,4 +114,5 @@ MeshPtr deformMesh(const Rig& rig, size_t index, const RigPose& pose, const Mesh
   return mesh;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

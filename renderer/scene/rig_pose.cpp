@@ -7,7 +7,8 @@
 #include "scene/rig_sample.h"
 #include "scene/scene.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 /// A transform that tracers can invert: an axis of no length becomes thin, and where several have none the object becomes a
@@ -137,4 +138,5 @@ Result<ScenePtr> withVariant(const ScenePtr& base, std::string_view name) {
   });
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 void normalise4(double* q) {
@@ -109,4 +110,5 @@ RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& cho
   return pose;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

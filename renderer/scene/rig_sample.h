@@ -8,7 +8,8 @@
 
 #include "scene/rig.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// Value of a sampler at `time`, `width` numbers, clamped to its first and last key (glTF 2.0, 3.11 and appendix C).
 /// `rotation`: width 4, spherical for Linear, normalised for CubicSpline. O(log keys).
@@ -28,4 +29,5 @@ MeshPtr deformMesh(const Rig& rig, size_t deformed, const RigPose& pose, const M
 /// Unit axes of a transform, its scale dropped, right-handed. False when two axes coincide or one has no length.
 bool rigidFrame(const Mat4& m, Mat4& out);
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

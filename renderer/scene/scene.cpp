@@ -9,7 +9,8 @@
 #include "scene/coordinates.h"
 #include "scene/texture_seal.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 Status Scene::seal() {
   for (size_t i = 0; i < instances.size(); ++i)
@@ -171,4 +172,5 @@ void SceneView::requireLight(int i) const {
   std::abort();
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

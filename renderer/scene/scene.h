@@ -21,11 +21,14 @@
 #include "scene/mesh_view.h"
 #include "scene/rig.h"
 
-namespace gobo::inline base {
+namespace gobo {
+inline namespace base {
 class MappedFile;  // base/mapped_file.h
 }
+}  // namespace gobo
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 struct Instance {
   std::string name;  ///< unique; glTF node name (+ "#k" for further primitives or duplicates)
@@ -176,4 +179,5 @@ class SceneView {
   const std::vector<int>* lights_;
 };
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

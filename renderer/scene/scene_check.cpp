@@ -11,7 +11,8 @@
 #include "scene/fields.h"
 #include "scene/scene.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 bool finite(const Vec2& v) { return std::isfinite(v.x) && std::isfinite(v.y); }
@@ -211,4 +212,5 @@ Status Scene::checkNames() const {
   return unique(materials, "materials", true);
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "scene/fields.h"
 #include "scene/scene.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 template <typename V>
@@ -174,4 +175,5 @@ Hash128 Scene::facetHash(Facet set, const std::vector<int>& lightSubset) const {
   return h.digest();
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -12,7 +12,8 @@
 #include "scene/environment.h"
 #include "scene/environment_tents.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 constexpr double kScale = 0.1;             // radiance per kcd/m^2
@@ -127,4 +128,5 @@ EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width, const 
   return makeEnvironment("sky", std::move(image), stop);
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

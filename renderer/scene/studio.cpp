@@ -7,7 +7,8 @@
 
 #include "scene/scene.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 namespace {
 
@@ -72,4 +73,5 @@ EnvironmentPtr studioEnvironment() {
   return map;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

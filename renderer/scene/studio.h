@@ -4,7 +4,8 @@
 
 #include "scene/environment.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 struct Scene;
 
@@ -16,4 +17,5 @@ bool hasLamp(const Scene& scene);
 /// Lambert surface that faces +Z has radiance 0.9. The same map each time.
 EnvironmentPtr studioEnvironment();
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

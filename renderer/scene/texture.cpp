@@ -7,7 +7,8 @@
 #include "base/transfer.h"
 #include "scene/material.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 namespace {
 
 struct DecodeTables {
@@ -137,4 +138,5 @@ Vec4 Texture::sampleLevel(Vec2 uv, int level) const {
   return top * (1.0f - ay) + bottom * ay;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -9,7 +9,8 @@
 
 #include "scene/material.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// Bytes of texels, those that textures share counted once.
 class TexelBytes {
@@ -47,4 +48,5 @@ class TextureSealer {
   std::map<Key, Texture> sealed_;
 };
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include <cstring>
 
-namespace gobo::inline technique {
+namespace gobo {
+inline namespace technique {
 
 std::string names(PathSet set) {
   static const char* const kNames[] = {"emission",         "direct front diffuse", "direct front specular", "direct behind diffuse", "direct behind specular",
@@ -63,4 +64,5 @@ Status Cover::complete() const {
   return {};
 }
 
-}  // namespace gobo::inline technique
+}  // namespace technique
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "base/status.h"
 #include "technique/path_set.h"
 
-namespace gobo::inline technique {
+namespace gobo {
+inline namespace technique {
 
 class Cover {
  public:
@@ -37,4 +38,5 @@ class Cover {
   PathSet wanted_;
 };
 
-}  // namespace gobo::inline technique
+}  // namespace technique
+}  // namespace gobo

@@ -13,7 +13,8 @@
 
 #include "trace/path_class.h"
 
-namespace gobo::inline technique {
+namespace gobo {
+inline namespace technique {
 
 enum class PathSet : uint16_t {
   None = 0,
@@ -51,4 +52,5 @@ constexpr PathSet pathSet(PathClass c) {
 /// "emission, direct front diffuse, ...", for messages.
 std::string names(PathSet set);
 
-}  // namespace gobo::inline technique
+}  // namespace technique
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "trace/camera_media.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline technique {
+namespace gobo {
+inline namespace technique {
 
 namespace {
 PathSet wantedOf(const v1::RenderRequest& request) {
@@ -101,4 +102,5 @@ std::string withLobe(std::string label, LobePart lobe) {
 
 PathSet front(LobePart lobe) { return lobe == LobePart::Both ? PathSet::Front : lobe == LobePart::Diffuse ? PathSet::FrontDiffuse : PathSet::FrontSpecular; }
 
-}  // namespace gobo::inline technique
+}  // namespace technique
+}  // namespace gobo

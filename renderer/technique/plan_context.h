@@ -17,7 +17,8 @@
 #include "trace/path_tracer.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline technique {
+namespace gobo {
+inline namespace technique {
 
 /// What traced a state, for who wants its samples one by one.
 struct TracedPaths {
@@ -161,4 +162,5 @@ std::string withLobe(std::string label, LobePart lobe);
 /// The part of direct light at the seen side that a lobe holds.
 PathSet front(LobePart lobe);
 
-}  // namespace gobo::inline technique
+}  // namespace technique
+}  // namespace gobo

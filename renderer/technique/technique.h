@@ -7,7 +7,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline technique {
+namespace gobo {
+inline namespace technique {
 
 class PlanContext;  // technique/plan_context.h
 
@@ -28,4 +29,5 @@ class Technique {
 /// In the order of summation.
 std::span<const Technique* const> techniques();
 
-}  // namespace gobo::inline technique
+}  // namespace technique
+}  // namespace gobo

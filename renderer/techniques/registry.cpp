@@ -11,7 +11,8 @@
 #include "techniques/subtractive/technique.h"
 #include "techniques/transfer/technique.h"
 
-namespace gobo::inline technique {  // that which technique.h declares
+namespace gobo {
+inline namespace technique {  // that which technique.h declares
 
 std::span<const Technique* const> techniques() {
   static const std::array all{
@@ -21,4 +22,5 @@ std::span<const Technique* const> techniques() {
   return all;
 }
 
-}  // namespace gobo::inline technique
+}  // namespace technique
+}  // namespace gobo

@@ -5,7 +5,8 @@
 
 #include "terms/fit_area_lights.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -63,4 +64,5 @@ class AreaLightListNode final : public Node {
 
 NodePtr makeAreaLightListNode(int lights) { return std::make_shared<AreaLightListNode>(lights); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -9,8 +9,10 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 NodePtr makeAreaLightListNode(int lights);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "terms/dropped_samples.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -121,4 +122,5 @@ class CausticsNode final : public Node {
 
 NodePtr makeCausticsNode(const CausticSettings& settings, const GBufferSettings& view) { return std::make_shared<CausticsNode>(settings, view); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

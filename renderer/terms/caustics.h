@@ -9,9 +9,11 @@
 #include "terms/node.h"
 #include "trace/photon_tracer.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// `view`: the part of the settings' picture that is made; of no width: all of it.
 NodePtr makeCausticsNode(const CausticSettings& settings, const GBufferSettings& view = {});
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

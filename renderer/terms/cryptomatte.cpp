@@ -15,7 +15,8 @@
 #include "trace/sample_set.h"
 #include "trace/view_samples.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 uint32_t cryptomatteId(std::string_view name) {
   const uint32_t hash = murmurHash3(name), exponent = hash >> 23 & 255u;
@@ -180,4 +181,5 @@ class CryptomatteNode final : public Node {
 
 NodePtr makeCryptomatteNode(CryptomatteSettings settings) { return std::make_shared<CryptomatteNode>(std::move(settings)); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -17,7 +17,8 @@
 #include "terms/gbuffer.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 inline constexpr int kCryptomatteRanks = 6;
 inline constexpr int kCryptomatteChannels = 2 * kCryptomatteRanks;
@@ -41,4 +42,5 @@ struct CryptomatteSettings {
 /// Source. 40 to 100 ns a ray. Errors of run(): Internal if there are not as many ids as instances.
 NodePtr makeCryptomatteNode(CryptomatteSettings settings);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

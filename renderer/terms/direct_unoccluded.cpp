@@ -7,7 +7,8 @@
 #include "terms/surface_reader.h"
 #include "terms/unoccluded_light.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -114,4 +115,5 @@ class DirectUnoccludedNode final : public Node {
 
 NodePtr makeDirectUnoccludedNode(const DirectUnoccludedSettings& settings) { return std::make_shared<DirectUnoccludedNode>(settings); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

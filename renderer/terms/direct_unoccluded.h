@@ -12,7 +12,8 @@
 
 #include "terms/gbuffer.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// Which lobe of the scattering event counts. Both parts are found in the same way: they add up to the whole.
 enum class LobePart : uint8_t { Both, Diffuse, Specular };
@@ -36,4 +37,5 @@ double capFormFactor(double cosine, double sine);
 /// The same for a sphere; -1 when p is inside.
 double sphereFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, double radius);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

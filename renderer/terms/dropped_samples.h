@@ -8,7 +8,8 @@
 
 #include "terms/term_shape.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 inline constexpr const char* kDroppedPlane = "dropped";
 
@@ -62,4 +63,5 @@ inline DroppedTotal droppedTotal(const Term& term) {
   return total;
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -12,7 +12,8 @@
 #include "base/to_index.h"
 #include "scene/environment_tents.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 /// NaN, Inf and negative channels count as black, before neighbours are interpolated with them.
@@ -243,4 +244,5 @@ void EnvironmentCells::addPieces(const Environment& map, const StopToken& stop, 
       cells, grid, 2, omega, own, [&](int x, int y) { return interpolateTexels(map, (x + 0.5) / cutX, across[size_t(y)]); }, arena, stop);
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include "base/task_arena.h"
 #include "scene/environment.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 struct EnvironmentCell {
   double solidAngle = 0;  ///< of what was gathered, sr
@@ -42,4 +43,5 @@ struct EnvironmentCells {
   void addPieces(const Environment& map, const StopToken& stop, const TaskArena* arena);  // coarser maps: cut up
 };
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "terms/structured_lights.h"
 #include "terms/wavelet_lights.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -165,4 +166,5 @@ TermPtr lightListTerm(std::span<const MapLight> lights) {
 
 NodePtr makeExtractLightsNode(int lights, ExtractBy by, size_t texels) { return std::make_shared<ExtractLightsNode>(lights, by, texels); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

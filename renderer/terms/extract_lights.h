@@ -12,7 +12,8 @@
 #include "terms/node.h"
 #include "terms/texel_cells.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 enum class ExtractBy { MedianCut, Structured, Wavelet };
 
@@ -25,4 +26,5 @@ TermPtr lightListTerm(std::span<const MapLight> lights);
 /// `texels` of the map that it will be run on: for workingBytes() alone.
 NodePtr makeExtractLightsNode(int lights, ExtractBy by = ExtractBy::MedianCut, size_t texels = 0);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "formulas/harmonics.glsl.h"
 #include "terms/environment_cells.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -269,4 +270,5 @@ AreaLightFit fitAreaLights(const Environment& map, int lights, const StopToken& 
   return fit;
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -24,7 +24,8 @@
 #include "base/stop.h"
 #include "scene/environment.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 struct AreaLight {
   DVec3 direction{0, 1, 0};  ///< unit, towards its centre, map axes (rotation 0)
@@ -45,4 +46,5 @@ struct AreaLightFit {
 /// `stop` is polled every few milliseconds; a fit that it ended is not to be used.
 AreaLightFit fitAreaLights(const Environment& map, int lights, const StopToken& stop = {});
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -8,7 +8,8 @@
 
 #include "terms/direct_unoccluded.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 double rectFormFactor(const DVec3& p, const DVec3& n, const DVec3& corner, const DVec3& u, const DVec3& v) {
   const std::array<DVec3, 4> quad{corner - p, corner + u - p, corner + u + v - p, corner + v - p};
@@ -51,4 +52,5 @@ double sphereFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, dou
   return distance > radius ? capFormFactor(glm::dot(d, n) / distance, radius / distance) : -1.0;
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -4,7 +4,8 @@
 // making it again. Thread-safe. Decides what is kept, never what is in it.
 #pragma once
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// Milliseconds of one thread for a MiB of fresh memory: the mean over the last blocks, newest first in weight; 0 before the first block.
 double freshMemoryMsPerMiB();
@@ -12,4 +13,5 @@ double freshMemoryMsPerMiB();
 /// The mean that freshMemoryMsPerMiB() is of: a block's `ms` for `mib`. For blocks of less than a huge page nothing is counted.
 double meanFreshMs(double before, double ms, double mib);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

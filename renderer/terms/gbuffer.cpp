@@ -7,7 +7,8 @@
 #include "terms/hit_place.h"
 #include "trace/back_faces.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 void hashCamera(Hasher& h, const Camera& c) {
   h.addPod(c.toWorld).add(c.perspective).add(c.perspective ? c.yfov : c.yheight).add(c.centre.x).add(c.centre.y);
@@ -170,4 +171,5 @@ class GBufferNode final : public Node {
 
 NodePtr makeGBufferNode(const GBufferSettings& settings) { return std::make_shared<GBufferNode>(settings); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

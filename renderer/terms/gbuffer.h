@@ -12,7 +12,8 @@
 #include "terms/view_place.h"
 #include "trace/view_samples.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// What of it is made: all planes; or depth, instance and primitive, with P or without, for pictures of nothing but distances and ids: a sixth to a third
 /// of the memory, which takes longer to get than rays take to trace.
@@ -33,4 +34,5 @@ void hashView(Hasher& hasher, const GBufferSettings& view);
 
 NodePtr makeGBufferNode(const GBufferSettings& settings);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/graph.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 NodeId Graph::add(GraphNode n) {
   const NodeTraits traits = n.node->traits();
@@ -47,4 +48,5 @@ void Graph::rollBack(const Mark& mark) {
   pruned_.resize(mark.pruned);
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

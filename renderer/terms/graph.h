@@ -10,7 +10,8 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 using NodeId = int;
 
@@ -69,4 +70,5 @@ class Graph {
   std::optional<std::pair<NodeId, Status>> wrong_;
 };
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "terms/hit_place.h"
 #include "trace/back_faces.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -170,4 +171,5 @@ class HiddenSurfaceNode final : public Node {
 
 NodePtr makeHiddenSurfaceNode(const GBufferSettings& view) { return std::make_shared<HiddenSurfaceNode>(view); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -13,10 +13,12 @@
 
 #include "terms/gbuffer.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 inline constexpr int kMostPassed = 64;
 
 NodePtr makeHiddenSurfaceNode(const GBufferSettings& view);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

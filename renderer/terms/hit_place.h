@@ -7,7 +7,8 @@
 #include "trace/accel.h"
 #include "trace/accel_impl.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// From the triangle's vertices: closer to the surface than origin + t direction.
 inline Vec3 hitPosition(const Accel& accel, const Hit& hit) {
@@ -39,4 +40,5 @@ HitNormals hitNormals(const Normals& normals, const InstanceGeometry& g, const V
   return {n, ng};
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

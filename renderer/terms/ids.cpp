@@ -3,7 +3,8 @@
 
 #include "trace/accel.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -50,4 +51,5 @@ class IdNode final : public Node {
 
 NodePtr makeIdNode(IdKind kind, int width, int height) { return std::make_shared<IdNode>(kind, width, height); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -6,9 +6,11 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 enum class IdKind : uint8_t { Object, Material };
 NodePtr makeIdNode(IdKind kind, int width, int height);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "base/disk.h"
 #include "scene/light_axes.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -158,4 +159,5 @@ Ray shadowRay(const Accel& accel, const Vec3& p, const Vec3& Ng, const LightPoin
   return ray;
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

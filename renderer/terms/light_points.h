@@ -11,7 +11,8 @@
 #include "scene/scene.h"
 #include "trace/accel.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 struct LightPoint {
   Vec3 direction{0.0f};       ///< unit, from the receiver
@@ -47,4 +48,5 @@ inline constexpr float kShadowRayEnd = 1.0f - 1.0e-4f;
 /// Ray from a surface towards a light point, ended just before it; the origin leaves the surface on the side of Ng.
 Ray shadowRay(const Accel& accel, const Vec3& p, const Vec3& Ng, const LightPoint& point);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

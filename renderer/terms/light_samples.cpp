@@ -8,7 +8,8 @@
 #include "terms/screen_sequence.h"
 #include "terms/surface_samples.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 namespace {
 
 class LightSamplesNode final : public Node {
@@ -169,4 +170,5 @@ float LightBands::mean(int j) const {
 
 NodePtr makeLightSamplesNode(const LightSamplesSettings& settings) { return std::make_shared<LightSamplesNode>(settings); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "terms/node.h"
 #include "terms/view_place.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// The light's own coordinates: -1..1 along both half edges.
 struct LightRectangle {
@@ -50,4 +51,5 @@ struct LightSamplesSettings {
 /// profile's mean where V is 0 or 1.
 NodePtr makeLightSamplesNode(const LightSamplesSettings& settings);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

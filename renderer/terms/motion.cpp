@@ -3,7 +3,8 @@
 
 #include "trace/accel.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -114,4 +115,5 @@ class MotionNode final : public Node {
 
 NodePtr makeMotionNode(const MotionSettings& settings) { return std::make_shared<MotionNode>(settings); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

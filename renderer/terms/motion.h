@@ -8,7 +8,8 @@
 
 #include "terms/gbuffer.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 struct MotionSettings {
   GBufferSettings view;   ///< now
@@ -17,4 +18,5 @@ struct MotionSettings {
 };
 NodePtr makeMotionNode(const MotionSettings& settings);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

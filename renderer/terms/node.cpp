@@ -3,7 +3,8 @@
 
 #include "trace/accel.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 Result<AccelPtr> RunContext::accel() const {
   AccelPtr made = accels->get(*scene, *arena, stop);
@@ -26,4 +27,5 @@ Result<TermPtr> runNode(const Node& node, RunContext& ctx) {
   return runNode(node, node.afterBlocks(std::move(shape), ctx.targetBlocks), ctx);
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

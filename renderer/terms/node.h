@@ -20,12 +20,15 @@
 #include "terms/term.h"
 #include "terms/term_shape.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 class Accel;       // trace/accel.h
 class AccelCache;  // acceleration structures shared by the nodes of an engine
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// What the node claims about itself. Every node of every kind is held to them (tests/render/plan/node_claims_test.cpp).
 struct NodeTraits {
@@ -122,4 +125,5 @@ class FoldNode : public Node {
   Result<TermPtr> run(const RunContext&) const final { return internalError("a fold runs by steps"); }
 };
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "terms/light_points.h"
 #include "terms/surface_samples.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -74,4 +75,5 @@ class OccluderDistanceNode final : public Node {
 
 NodePtr makeOccluderDistanceNode(const Extent& extent) { return std::make_shared<OccluderDistanceNode>(extent); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -8,8 +8,10 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 NodePtr makeOccluderDistanceNode(const Extent& extent);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

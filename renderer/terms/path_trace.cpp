@@ -8,7 +8,8 @@
 #include <algorithm>
 #include <cstring>
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -209,4 +210,5 @@ NodePtr makePathTraceNode(const PathTracerSettings& settings, int streams, const
   return std::make_shared<PathTraceNode>(settings, streams, view, share);
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "trace/path_tracer.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// Streams of a state whose variance is asked for.
 inline constexpr int kVarianceStreams = 8;
@@ -21,4 +22,5 @@ inline constexpr int kVarianceStreams = 8;
 /// `view`: the part of the settings' picture that is traced; of no width: all of it. `share`: of the sequence, whose other numbers are others'.
 NodePtr makePathTraceNode(const PathTracerSettings& settings, int streams = 1, const GBufferSettings& view = {}, const SequenceShare& share = {});
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -7,7 +7,8 @@
 
 #include "terms/term.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// `count` values, whatever was in memory before. Throws std::bad_alloc, which the executor turns into ResourceExhausted.
 template <typename T>
@@ -27,4 +28,5 @@ class Scratch {
   size_t count_ = 0;
 };
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

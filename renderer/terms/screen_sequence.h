@@ -10,7 +10,8 @@
 #include "base/sobol.h"
 #include "terms/view_place.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// Even bits of the result: those of x; odd bits: those of y.
 inline uint32_t mortonIndex(uint32_t x, uint32_t y) {
@@ -48,4 +49,5 @@ class ScreenSequence {
   uint32_t stride_ = 1;
 };
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

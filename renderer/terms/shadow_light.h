@@ -11,7 +11,8 @@
 #include "base/hash.h"
 #include "scene/light.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 struct ShadowLightFrame {
   Vec3 centre{0.0f};
@@ -61,4 +62,5 @@ inline void hashShadowLightFrame(Hasher& h, const ShadowLightFrame& f) {
   if (f.distant) h.add("distant");  // the others keep the keys that they had without
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

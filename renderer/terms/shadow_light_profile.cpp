@@ -7,7 +7,8 @@
 
 #include "base/check.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 ProfiledPoints::ProfiledPoints(const SceneView& view, int light, const ShadowLightProfile& profile) : points_(view, light), profile_(profile) {
   GOBO_CHECK(profile.shape == ShadowLightProfile::Uniform || view.lightShape(light).kind == LightKind::Rect);
@@ -29,4 +30,5 @@ bool ProfiledPoints::literal(const Vec3& p, const Vec3& N, const Vec3& Ng, const
   return true;
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "base/hash.h"
 #include "terms/light_points.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 struct ShadowLightProfile {
   enum Shape : uint8_t {
@@ -38,4 +39,5 @@ class ProfiledPoints {
   ShadowLightProfile profile_;
 };
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -12,7 +12,8 @@
 #include "terms/surface_samples.h"
 #include "trace/straight.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 namespace {
 
 Facet facets(bool clear) {
@@ -278,4 +279,5 @@ class ShadowAdaptiveNode final : public Node {
 NodePtr makeShadowSlopesNode(const ShadowSlopesSettings& settings) { return std::make_shared<ShadowSlopesNode>(settings); }
 NodePtr makeShadowAdaptiveNode(const ShadowAdaptiveSettings& settings) { return std::make_shared<ShadowAdaptiveNode>(settings); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "terms/shadow_light_profile.h"
 #include "terms/view_place.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 struct ShadowSlopesSettings {
   uint32_t pilot = 9;    ///< rays per view sample
@@ -41,4 +42,5 @@ struct ShadowAdaptiveSettings {
 /// Term "visibility", plane V f32: the unfiltered estimate over n points (terms/visibility.h has the meaning and the cases that give 1).
 NodePtr makeShadowAdaptiveNode(const ShadowAdaptiveSettings& settings);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

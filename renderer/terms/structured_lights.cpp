@@ -5,7 +5,8 @@
 #include <cmath>
 #include <queue>
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 namespace {
 
 constexpr double kCompact = 0.9;        // mean resultant length from which a stratum is a lamp: within some 26 degrees of its centroid
@@ -192,4 +193,5 @@ std::vector<MapLight> structuredLights(const Environment& map, int lights, const
   return cells.lights(stop);
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

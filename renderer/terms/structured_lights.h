@@ -13,7 +13,8 @@
 
 #include "terms/texel_cells.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 struct StructuredSettings {
   int layers = 6;                     ///< thresholds at 0, 1, ... standard deviations
@@ -33,4 +34,5 @@ std::vector<uint32_t> brightnessStrata(const Environment& map, int layers, const
 /// Bytes that structuredLights holds for a map of that many texels.
 inline size_t structuredBytes(size_t texels) { return TexelCells::bytes(texels) + texels * 3 * sizeof(uint32_t); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include "terms/surface_reader.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -71,4 +72,5 @@ class SurfaceNode final : public Node {
 
 NodePtr makeSurfaceNode(const GBufferSettings& settings) { return std::make_shared<SurfaceNode>(settings); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -7,7 +7,8 @@
 
 #include "terms/gbuffer.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// Bits of the plane "flags".
 inline constexpr uint8_t kSurfaceEntering = 1;  ///< the viewer is outside
@@ -16,4 +17,5 @@ inline constexpr uint8_t kSurfaceExtended = 4;  ///< the planes do not hold the 
 
 NodePtr makeSurfaceNode(const GBufferSettings& settings);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/surface_reader.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -35,4 +36,5 @@ void SurfaceReader::read(size_t i, Surface& out) const {
   table_.interact(instance_[i], primitive_[i], bary_[2 * i], bary_[2 * i + 1], glm::dot(outside, facing) < 0 ? -facing : facing, d, out);
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "trace/accel.h"
 #include "trace/surface.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 inline constexpr Facet kSurfaceFacets = Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Albedo | Facet::Bsdf;
 
@@ -32,4 +33,5 @@ class SurfaceReader {
   std::span<const float> bary_, P_, Ng_;
 };
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include "base/vec.h"
 #include "terms/term_shape.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// The planes of a "gbuffer" that sources start rays from. A view: the term must outlive it.
 struct SurfaceSamples {
@@ -25,4 +26,5 @@ struct SurfaceSamples {
   Vec3 geometricNormal(size_t e) const { return Vec3(Ng[3 * e], Ng[3 * e + 1], Ng[3 * e + 2]); }
 };
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

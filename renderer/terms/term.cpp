@@ -14,7 +14,8 @@
 
 #include "terms/fresh_memory.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -167,4 +168,5 @@ Hash128 Term::content() const {
   return content_;
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -16,7 +16,8 @@
 #include "base/check.h"
 #include "base/hash.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 enum class Domain : uint8_t { Pixel, ViewSample, LightTexel, SparsePixel, List, Table };
 enum class Format : uint8_t { F32, F64, U32, U8 };
@@ -150,4 +151,5 @@ class Term {
 };
 using TermPtr = std::shared_ptr<const Term>;
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

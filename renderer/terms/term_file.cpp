@@ -6,7 +6,8 @@
 
 #include "base/check.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -158,4 +159,5 @@ std::string otherTermVersion(const uint8_t* bytes) {
   return "term file version " + digit(bytes[7]) + ", this build reads version " + digit(uint8_t(kMagic[7]));
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

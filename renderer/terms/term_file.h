@@ -12,7 +12,8 @@
 #include "base/stop.h"
 #include "terms/term.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// Empty if stopped.
 std::vector<uint8_t> serializeTerm(const Term& term, const Hash128& key, const StopToken& stop = {});
@@ -23,4 +24,5 @@ bool isOtherTermVersion(const uint8_t* bytes, size_t size);
 /// "term file version 1, this build reads version 2". Only for bytes of which the above is true.
 std::string otherTermVersion(const uint8_t* bytes);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

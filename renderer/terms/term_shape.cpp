@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/term_shape.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -114,4 +115,5 @@ Result<TermShape> Wiring::gives(TermShape shape) const {
   return shape;
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include "base/status.h"
 #include "terms/term.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 struct PlaneShape {
   enum class Fill : uint8_t {
@@ -83,4 +84,5 @@ class Wiring {
   Status status_;
 };
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

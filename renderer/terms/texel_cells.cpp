@@ -8,7 +8,8 @@
 
 #include "base/check.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 TexelCells::TexelCells(const Environment& map, const TaskArena* arena)
     : map_(map),
@@ -82,4 +83,5 @@ std::vector<MapLight> TexelCells::lights(const StopToken& stop) const {
   return out;
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

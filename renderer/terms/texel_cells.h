@@ -13,7 +13,8 @@
 #include "scene/environment.h"
 #include "scene/environment_tents.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 struct MapLight {
   DVec3 direction{0.0};  ///< unit, towards it
@@ -50,4 +51,5 @@ class TexelCells {
   std::vector<uint32_t> texels_;  // of the lights
 };
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

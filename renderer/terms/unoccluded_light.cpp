@@ -7,7 +7,8 @@
 #include "trace/area_lights.h"
 #include "trace/distant_light.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -217,4 +218,5 @@ Vec3 UnoccludedLight::distant(const LitPoint& r, const Frame& frame, const Vec3&
   return Vec3(sum / light.irradiance());
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include "trace/interior.h"
 #include "trace/light_sampling.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// A point of a surface, and who looks at it.
 struct LitPoint {
@@ -64,4 +65,5 @@ class UnoccludedLight {
   uint64_t seed_;
 };
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

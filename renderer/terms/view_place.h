@@ -6,7 +6,8 @@
 #include "base/hash.h"
 #include "terms/term.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 struct ViewPlace {
   int x = 0, y = 0, filmWidth = 0, filmHeight = 0;  ///< 0 x 0: the view is the whole picture
@@ -32,4 +33,5 @@ class FilmElements {
   ViewPlace place_;
 };
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

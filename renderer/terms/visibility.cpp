@@ -9,7 +9,8 @@
 #include "terms/surface_samples.h"
 #include "trace/straight.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 uint64_t viewSampleSeed(uint64_t seed, size_t element) { return hash64(hash64(0x5ead0e5ull, seed), element); }
 
@@ -131,4 +132,5 @@ class VisibilityNode final : public Node {
 
 NodePtr makeVisibilityNode(const VisibilitySettings& settings) { return std::make_shared<VisibilityNode>(settings); }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -14,7 +14,8 @@
 #include "terms/node.h"
 #include "terms/view_place.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// What becomes of light at surfaces that it passes straight on.
 enum class Glass : uint8_t {
@@ -37,4 +38,5 @@ NodePtr makeVisibilityNode(const VisibilitySettings& settings);
 /// Seed of the sample sequence of view sample `element`: independent from pixel to pixel (correlated noise would defeat filters).
 uint64_t viewSampleSeed(uint64_t seed, size_t element);
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "base/sobol.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 namespace {
 
 constexpr uint32_t kMostPoints = 1u << 20;  // whatever the lights asked for: a list must not depend on how long it is
@@ -75,4 +76,5 @@ std::vector<MapLight> waveletLights(const Environment& map, int lights, const Ta
   return cells.lights(stop);
 }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

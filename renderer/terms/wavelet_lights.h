@@ -9,7 +9,8 @@
 
 #include "terms/texel_cells.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 
 /// Directions are centres of texels. At most 65 534 lights. Deterministic for any arena; null: the caller's thread. Of no use after `stop` fired.
 std::vector<MapLight> waveletLights(const Environment& map, int lights, const TaskArena* arena = nullptr, const StopToken& stop = {});
@@ -37,4 +38,5 @@ class LuminancePyramid {
 /// Bytes that waveletLights holds for a map of that many texels.
 inline size_t waveletBytes(size_t texels) { return TexelCells::bytes(texels) + texels * 2 * sizeof(double) + 4096; }
 
-}  // namespace gobo::inline terms
+}  // namespace terms
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "trace/alpha_filter.h"
 #include "trace/back_faces.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 namespace {
 
@@ -327,4 +328,5 @@ Vec3 offsetOrigin(const Vec3& p, const Vec3& n, float unit) {
   return out;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -16,7 +16,8 @@
 #include "scene/camera.h"
 #include "scene/scene.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 inline constexpr uint32_t kNoHit = ~0u;
 
@@ -100,4 +101,5 @@ class AccelCache {
 /// (Accel::unit; the paper has 1), which makes the near-zero part follow the scene's scale.
 Vec3 offsetOrigin(const Vec3& p, const Vec3& n, float unit = 1.0f);
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

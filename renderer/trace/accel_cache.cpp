@@ -3,7 +3,8 @@
 
 #include <chrono>
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 namespace {
 bool ready(const std::shared_future<AccelPtr>& f) { return f.wait_for(std::chrono::seconds(0)) == std::future_status::ready; }
@@ -109,4 +110,5 @@ uint64_t AccelCache::builds() const {
   return builds_;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "trace/accel.h"
 #include "trace/embree.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// What an intersection filter needs to look up coverage. One per alpha geometry; keeps its texture alive, the Accel its mesh.
 struct AlphaGeometry {
@@ -62,4 +63,5 @@ struct Accel::Impl {
   }
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

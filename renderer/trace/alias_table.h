@@ -6,7 +6,8 @@
 #include <cstdint>
 #include <vector>
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 class AliasTable {
  public:
@@ -65,4 +66,5 @@ class AliasTable {
   std::vector<Cell> cells_;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "trace/accel_impl.h"
 #include "trace/texture_lookup.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 float AlphaGeometry::alpha(uint32_t primitive, float u, float v) const {
   const uint32_t* tri = indices + 3 * size_t(primitive);
@@ -50,4 +51,5 @@ void alphaFilter(const RTCFilterFunctionNArguments* args) {
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

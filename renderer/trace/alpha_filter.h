@@ -4,7 +4,9 @@
 
 #include "trace/embree.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 /// Rejects hits on uncovered texels. Geometry user data is an AlphaGeometry. Serves intersect and occluded filters, any packet size.
 void alphaFilter(const RTCFilterFunctionNArguments* args);
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -7,7 +7,8 @@
 
 #include "trace/area_lights.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 namespace {
 
 void lightBounds(const LightShape& s, Vec3& lo, Vec3& hi) {
@@ -136,4 +137,5 @@ void AreaLightBvh::collect(const Ray& ray, bool cameraVisibleOnly, std::vector<H
   if (hits.size() > 1) std::sort(hits.begin(), hits.end(), [](const Hit& a, const Hit& b) { return a.light < b.light; });
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

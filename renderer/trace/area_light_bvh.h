@@ -10,7 +10,8 @@
 #include "scene/camera.h"
 #include "scene/light.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 class AreaLightBvh {
  public:
@@ -48,4 +49,5 @@ class AreaLightBvh {
   std::vector<Node> nodes_;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <numbers>
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 namespace {
 
 constexpr double kTinySolidAngle = 1e-5;
@@ -193,4 +194,5 @@ bool intersectAreaLight(const LightShape& s, const Ray& ray, float& t, Vec3& Ng)
   return true;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

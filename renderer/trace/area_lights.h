@@ -6,7 +6,8 @@
 #include "scene/camera.h"
 #include "scene/light.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// A direction towards the light with its solid-angle density. `direction` unit, `distance` > 0, metres.
 struct AreaSample {
@@ -34,4 +35,5 @@ float spherePdf(const LightShape& s, const Vec3& p);
 /// transparent, like the lights themselves. Ng: outward normal (Rect, Disk: axis).
 bool intersectAreaLight(const LightShape& s, const Ray& ray, float& t, Vec3& Ng);
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

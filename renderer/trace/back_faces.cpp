@@ -6,7 +6,8 @@
 #include "trace/accel_impl.h"
 #include "trace/interior.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 namespace {
 constexpr uint8_t kSingleSided = 1, kTurned = 2;  // kTurned: Embree's normal of the instance points inside
@@ -50,4 +51,5 @@ void BackFaces::filter(const RTCFilterFunctionNArguments* args) {
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -12,7 +12,8 @@
 #include "trace/accel.h"
 #include "trace/embree.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Facets that BackFaces reads.
 inline constexpr Facet kBackFaceFacets = Facet::Topology | Facet::Coverage | Facet::Bsdf;
@@ -40,4 +41,5 @@ class BackFaces {
 /// A camera sees such a material's front only.
 bool showsFrontOnly(const Coverage& coverage, const Bsdf& bsdf);
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

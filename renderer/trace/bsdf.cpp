@@ -7,7 +7,8 @@
 #include "trace/bsdf_layers.h"
 #include "trace/bsdf_lobe_terms.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 namespace {
 
 /// One look at a material from `o`: base, layers, and the geometric plane where the shading normal is another.
@@ -208,4 +209,5 @@ LobeTerms bsdfLobeTerms(const BsdfParams& p, float mu) {
 
 bool bsdfIsDelta(const BsdfParams& p) { return !BaseLobes(p).evaluable() && !Layers::evaluable(p); }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

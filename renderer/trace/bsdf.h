@@ -21,7 +21,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// GGX alpha below this is a mirror (delta lobe).
 inline constexpr float kDeltaAlpha = 1e-3f;
@@ -88,4 +89,5 @@ struct LobeAlbedos {
 /// `mu` above it, 0 < mu <= 1. Of a diffuse lobe below a specular one it is exact under uniform light. Within the tables' error (bsdf_albedo.h).
 LobeAlbedos bsdfLobeAlbedos(const BsdfParams& p, float mu);
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "trace/bsdf_reflection_data.h"
 #include "trace/table_lookup.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 namespace {
 
 constexpr int kMu = 32, kRows = 32, kFineRows = 125;
@@ -85,4 +86,5 @@ float sheenAlbedo(float mu, float roughness) {
   return mix(mix(float(a[0]), float(a[1]), fm), mix(float(a[kSheen]), float(a[kSheen + 1]), fm), fr) * 1e-4f;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -13,7 +13,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// GGX reflection of one roughness (alpha >= kDeltaAlpha).
 class ReflectionAlbedo {
@@ -47,4 +48,5 @@ class GlassAlbedo {
 /// Directional albedo of white sheen (Charlie), upper bound within 0.01; above 1 at grazing angles for roughness < 0.25.
 float sheenAlbedo(float mu, float roughness);
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "trace/bsdf_anisotropic_reflection_data.h"
 #include "trace/table_lookup.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 namespace {
 
 namespace grid = anisotropic;
@@ -90,4 +91,5 @@ float AnisotropicGlassAlbedo::deficit(const Vec3& d, bool inside) const {
   return sum * kStep;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "trace/bsdf_albedo.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// GGX reflection. Directions are local (x along the larger alpha).
 class AnisotropicAlbedo {
@@ -34,4 +35,5 @@ class AnisotropicGlassAlbedo {
   int r_ = 0, s_ = 0, i_ = 0;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -14,7 +14,8 @@
 #include "trace/bsdf_anisotropic.h"
 #include "trace/bsdf_ggx.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 struct BaseLobes {
   Ggx g;
@@ -84,4 +85,5 @@ struct BaseLobes {
   bool usesTable_ = false, usesGlass_ = false;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include "trace/bsdf_base.h"
 #include "trace/bsdf_film.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// From here on (and for 0, as glTF writes it) the index is infinite: everything is reflected.
 inline constexpr float kInfiniteIor = 1e3f;
@@ -348,4 +349,5 @@ inline bool BaseLobes::sample(const Vec3& o, float uLobe, const Vec2& u, BsdfSam
   return refract(o, h, eta, out.wi) && out.wi.z < 0.0f;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

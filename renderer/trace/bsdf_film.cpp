@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/bsdf_film.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 namespace {
 
 constexpr int kOrders = 4;
@@ -61,4 +62,5 @@ Vec3 filmReflectance(float c, float filmIor, float thickness, const Vec3& baseF0
   return out;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -4,7 +4,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Reflectance in linear Rec.709 of a film (index >= 1, thickness in nanometres) on a base whose reflectance in air at normal
 /// incidence is baseF0 per channel; c: cosine in air. Result in [0,1].
@@ -14,4 +15,5 @@ namespace gobo::inline trace {
 /// that a spectrum of 1 gives (1, 1, 1) (the fits as printed give equal-energy white, (1.2, 0.95, 0.91)). 130 ns.
 Vec3 filmReflectance(float c, float filmIor, float thickness, const Vec3& baseF0);
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

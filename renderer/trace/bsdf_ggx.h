@@ -6,7 +6,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 inline float pow5(float x) {
   const float x2 = x * x;
@@ -84,4 +85,5 @@ inline bool refract(const Vec3& o, const Vec3& h, float eta, Vec3& i) {
   return true;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/bsdf_layers.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 namespace {
 
 constexpr float kCoatF0 = 0.04f;      // index 1.5
@@ -131,4 +132,5 @@ bool Layers::sample(float uLobe, const Vec2& u, BsdfSample& out) const {
   return true;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

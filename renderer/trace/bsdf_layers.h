@@ -10,7 +10,8 @@
 #include "trace/bsdf_albedo.h"
 #include "trace/bsdf_ggx.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 struct Layers {
   float coat, sheenAlpha, sheenRoughness, sheenMost;
@@ -41,4 +42,5 @@ struct Layers {
   float coatAlbedo(float mu) const;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -10,7 +10,8 @@
 
 #include "trace/bsdf.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 struct LobeTerms {
   Vec3 diffuse{0.0f}, microfacets{0.0f}, grazing{0.0f}, bounced{0.0f};
@@ -19,4 +20,5 @@ struct LobeTerms {
 /// `mu`: cosine of the viewer above the surface; nothing unless > 0. A mirror has no specular terms.
 LobeTerms bsdfLobeTerms(const BsdfParams& p, float mu);
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

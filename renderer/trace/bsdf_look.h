@@ -11,7 +11,8 @@
 
 #include "trace/bsdf.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 class BsdfLook {
  public:
@@ -49,4 +50,5 @@ class BsdfLook {
   alignas(32) float deficit_[kNodes] = {}, extra_[kNodes] = {};  // bsdf_albedo.h, of this roughness
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

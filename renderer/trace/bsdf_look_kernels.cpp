@@ -5,7 +5,8 @@
 
 #include "trace/bsdf_base_impl.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 namespace {
 
@@ -132,4 +133,5 @@ void BsdfLook::at(const Directions& in, size_t count, Lobes& out) const {
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

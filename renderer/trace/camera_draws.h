@@ -6,7 +6,8 @@
 
 #include "base/sobol.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// The place inside the pixel.
 inline constexpr uint32_t kDrawFilm = 0;
@@ -16,4 +17,5 @@ inline constexpr uint32_t kDrawLens = ~0u;
 /// Of a pixel's samples in one of its independent sequences.
 inline uint64_t pixelSeed(uint64_t seed, int x, int y, uint32_t stream) { return hash64(hash64(seed, uint64_t(uint32_t(y)) << 32 | uint32_t(x)), stream); }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -5,7 +5,8 @@
 
 #include "trace/interior.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 std::vector<int> volumesAround(const SceneView& view, const Vec3& p, const StopToken& stop) {
   struct Found {
@@ -53,4 +54,5 @@ Vec3 cameraPoint(const Camera& c) {
   return position + (Vec3(c.toWorld[0]) * c.centre.x + Vec3(c.toWorld[1]) * c.centre.y) * c.yheight;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "base/stop.h"
 #include "scene/scene.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Materials (indices) of the volumes around p, outermost first: by the size of the instances' boxes. `stop` is polled every few thousand
 /// triangles; what it returns then is of no use.
@@ -18,4 +19,5 @@ std::vector<int> volumesAround(const SceneView& view, const Vec3& p, const StopT
 /// Where the camera's rays start: its position; for an orthographic camera the middle of its window.
 Vec3 cameraPoint(const Camera& camera);
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

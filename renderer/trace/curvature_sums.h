@@ -16,7 +16,8 @@
 #include "trace/path_sink.h"
 #include "trace/sample_set.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Adds to out[slot * 3 + channel] of the lanes' pixels, as SumSink does; indirect light times (d / z)^2 to the two slots behind those of ByLobe.
 class CurvatureSums {
@@ -78,4 +79,5 @@ class CurvatureSums {
   std::vector<Record>& records_ = recordBuffer();
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "base/check.h"
 #include "scene/light_axes.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 DistantLight::DistantLight(const LightShape& light) : frame_(mapFrame(light)), axis_(light.axis), disk_(light.angularSize != 0.0f) {
   GOBO_CHECK(isWideDirectional(light));
@@ -50,4 +51,5 @@ double DistantLight::pdf(const Vec3& direction) const {
              : 0.0;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

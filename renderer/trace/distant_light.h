@@ -6,7 +6,8 @@
 #include "scene/camera.h"
 #include "scene/light.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 class DistantLight {
  public:
@@ -30,4 +31,5 @@ class DistantLight {
   double irradiance_ = 0;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "scene/light_axes.h"
 #include "trace/spot_falloff.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 namespace {
 
 constexpr int kMostProfileCells = 256, kFewestProfileCells = 16;  // of a picture, by axis
@@ -206,4 +207,5 @@ double profileFlux(const LightShape& light, const LightProfile& p) {
   return 2.0 * std::numbers::pi * sum;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "scene/light_profile.h"
 #include "trace/alias_table.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 class EmissionProfile {
  public:
@@ -59,4 +60,5 @@ class ProfileDistribution {
 /// Integral of the profile's luminance times the spot's falloff over solid angle, sr: what intensity 1 sends in watts. Exact for tables at points.
 double profileFlux(const LightShape& light, const LightProfile& profile);
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include <cmath>
 #include <numbers>
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 namespace {
 
 double texelLuminance(const Vec3& c) { return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z; }
@@ -57,4 +58,5 @@ bool EnvironmentDistribution::sample(const Vec2& u, Vec3& direction, Vec3& radia
 
 float EnvironmentDistribution::pdf(const Vec3& direction) const { return total_ > 0 ? float(texelLuminance(map_->eval(direction)) / total_) : 0.0f; }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -12,7 +12,8 @@
 #include "base/stop.h"
 #include "scene/environment_tents.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 class EnvironmentDistribution {
  public:
@@ -34,4 +35,5 @@ class EnvironmentDistribution {
   double total_ = 0;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

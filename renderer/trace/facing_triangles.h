@@ -11,7 +11,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 class FacingTriangles {
  public:
@@ -55,4 +56,5 @@ class FacingTriangles {
   std::vector<Plane> planes_;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

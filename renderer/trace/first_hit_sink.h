@@ -19,7 +19,8 @@
 #include "trace/path_sink.h"
 #include "trace/sample_set.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 struct FirstHitSample {
   static constexpr float kNone = -1.0f;
@@ -87,4 +88,5 @@ class FirstHitSink {
   std::vector<FirstHitSample> samples_;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -5,7 +5,8 @@
 
 #include "trace/path_sink.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 struct FirstWay {
   Vec3 from{0.0f};         ///< the path's first vertex
@@ -39,4 +40,5 @@ struct FirstWay {
   bool over_ = false;  // went on from there
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/interior.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 Interior makeInterior(const Bsdf& b) {
   Interior m;
@@ -44,4 +45,5 @@ Vec3 sampleHenyeyGreenstein(const Vec3& d, float g, const Vec2& u) {
   return w * (1.0f / std::sqrt(glm::dot(w, w)));
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -16,7 +16,8 @@
 #include "base/vec.h"
 #include "scene/material.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 struct Interior {
   Vec3 sigma{0.0f};   ///< extinction, 1/m
@@ -84,4 +85,5 @@ struct MediumStack {
   }
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

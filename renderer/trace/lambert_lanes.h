@@ -8,7 +8,8 @@
 #include "trace/plain_mesh_light.h"
 #include "trace/sample_set.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 struct alignas(64) Lane3 {
   float x[kLanes], y[kLanes], z[kLanes];
@@ -155,4 +156,5 @@ inline uint32_t bounce(const LaneSurface& s, int at, uint32_t bits, const float*
 }
 
 }  // namespace lanes
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -14,7 +14,8 @@
 #include "trace/mesh_light.h"
 #include "trace/spot_falloff.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 namespace {
 
 /// Intensity over distance squared is cut at this distance, so that a receiver on the lamp gets a finite value.
@@ -187,4 +188,5 @@ int LightSampler::intersectAreaLights(const Ray& ray, float& t, Vec3& Ng, bool c
   return impl_->area.intersect(ray, cameraVisibleOnly, t, Ng);
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "base/stop.h"
 #include "scene/scene.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 struct LightSample {
   Vec3 direction{0.0f};  ///< unit, from the receiver towards the light
@@ -51,4 +52,5 @@ class LightSampler {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

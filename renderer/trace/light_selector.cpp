@@ -7,7 +7,8 @@
 #include "scene/environment_tents.h"
 #include "trace/emission_profile.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 namespace {
 
@@ -222,4 +223,5 @@ float LightSelector::probabilityMany(const Vec3& p, const Vec3* n, int k) const 
   return tableProbability_[k];
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

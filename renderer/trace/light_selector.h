@@ -8,7 +8,8 @@
 #include "scene/scene.h"
 #include "trace/light_tree.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 enum class LightSelection : uint8_t { Tree, Power, Uniform };
 
@@ -50,4 +51,5 @@ class LightSelector {
   std::vector<float> tableProbability_;  // by k
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -5,7 +5,8 @@
 
 #include "base/to_index.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 namespace {
 
@@ -225,4 +226,5 @@ float LightTree::probability(const Vec3& p, const Vec3* n, int light) const {
   return product;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include "base/stop.h"
 #include "base/vec.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Bounds of one light or a cluster: where it is, which way its normals and its emission go, how much it emits (W, any scale).
 struct LightBounds {
@@ -64,4 +65,5 @@ class LightTree {
   LightBounds buildNode(const std::vector<LightBounds>& bounds, std::vector<int>& order, int begin, int end, int parent, const StopToken& stop);
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "trace/spherical_triangle.h"
 #include "trace/texture_lookup.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 namespace {
 
 /// Barycentrics of 16 points, the centres of a triangle's 4 x 4 subdivision: where mean emission is estimated.
@@ -162,4 +163,5 @@ Vec3 MeshLight::emitted(const Vec3& direction, uint32_t primitive, float u, floa
   return texel(primitive, u, v);
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -13,7 +13,8 @@
 #include "trace/area_lights.h"
 #include "trace/facing_triangles.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 class MeshLight {
  public:
@@ -47,4 +48,5 @@ class MeshLight {
   double area_ = 0;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "trace/path_sink.h"
 #include "trace/straight.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Who the lanes are.
 struct ChunkLanes {
@@ -123,4 +124,5 @@ struct PathChunk {
   }
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -7,11 +7,13 @@
 
 #include <cstdint>
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 enum class PathClass : uint8_t { None = 0, Emission = 1, Direct = 2, Indirect = 4, All = 7 };
 constexpr PathClass operator|(PathClass a, PathClass b) { return PathClass(uint8_t(a) | uint8_t(b)); }
 constexpr PathClass operator&(PathClass a, PathClass b) { return PathClass(uint8_t(a) & uint8_t(b)); }
 constexpr bool has(PathClass set, PathClass c) { return (uint8_t(set) & uint8_t(c)) == uint8_t(c); }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include "base/check.h"
 #include "trace/path_stages.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Samples of the pixels of a group (PathTracer::traceGroup) into a sink of sums to `out`.
 template <class Sums>
@@ -34,4 +35,5 @@ void traceGroupInto(const PathTracer::Impl& m, int x, int y, const SampleRun& ru
     if (out[size_t(p)]) dropped[size_t(p)] += uint64_t(__builtin_popcount(bad >> (p * each) & ((1u << each) - 1)));
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

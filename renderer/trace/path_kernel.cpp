@@ -3,7 +3,8 @@
 #include "trace/path_group.h"
 #include "trace/path_sums.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 template void PathTracer::traceInto<SumSink>(int, int, uint32_t, SumSink&, uint64_t&, uint64_t&) const;
 
@@ -16,4 +17,5 @@ void PathTracer::traceGroup(int x, int y, const SampleRun& run, std::span<double
   traceGroupInto(*impl_, x, y, run, out, SumSink(s.split, impl_->slotCount, out), rays, dropped);
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

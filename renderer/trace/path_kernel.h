@@ -16,7 +16,8 @@
 #include "trace/surface.h"
 #include "trace/view_samples.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Rays as they were traced, for the bench. Not thread-safe: record on one thread.
 struct RayRecorder {
@@ -113,4 +114,5 @@ struct PathTracer::Impl {
   void throughPanes(uint32_t lanes, RTCRay16& r, const MediumStack* around, Vec3* left, uint64_t& rays) const;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "trace/lambert_lanes.h"
 #include "trace/path_kernel.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 // Lanes never move: Embree masks the dead ones, and vector code computes them along.
 struct PathLanes {
@@ -60,4 +61,5 @@ inline void recordRays(uint32_t lanes, const RTCRay16& r, std::vector<Ray>& to) 
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

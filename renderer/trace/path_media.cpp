@@ -6,7 +6,8 @@
 #include "trace/reach.h"
 #include "trace/straight.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 namespace {
 
@@ -87,4 +88,5 @@ void PathTracer::Impl::throughPanes(uint32_t lanes, RTCRay16& r, const MediumSta
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -16,7 +16,8 @@
 #include "trace/lambert_lanes.h"
 #include "trace/path_kernel.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 struct PathMedia {
   static constexpr int kLongWalk = 1024, kMostSteps = 1 << 16;  // 0.98^64512: the last is never reached
@@ -136,4 +137,5 @@ struct PathMedia {
   }
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

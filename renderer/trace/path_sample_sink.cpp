@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/path_sample_sink.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 void PathSampleSink::clear() {
   samples_.clear();
@@ -64,4 +65,5 @@ void PathSampleSink::finish(uint32_t dropped) {
   contributions_.resize(kept);
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

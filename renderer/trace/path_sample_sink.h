@@ -11,7 +11,8 @@
 #include "trace/path_sink.h"
 #include "trace/sample_set.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 class PathSampleSink {
  public:
@@ -71,4 +72,5 @@ class PathSampleSink {
   std::vector<Contribution> contributions_;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -22,7 +22,8 @@
 #include "trace/path_class.h"
 #include "trace/path_tracer.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 enum class VertexKind : uint8_t { Surface, Volume, Escape };
 
@@ -84,4 +85,5 @@ inline void forEachSlot(SplitMode split, const PathContribution& c, To&& to) {
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include "trace/path_group.h"
 #include "trace/path_sample_sink.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 template void PathTracer::traceInto<FirstHitSink>(int, int, uint32_t, FirstHitSink&, uint64_t&, uint64_t&) const;
 template void PathTracer::traceInto<PathSampleSink>(int, int, uint32_t, PathSampleSink&, uint64_t&, uint64_t&) const;
@@ -15,4 +16,5 @@ void traceCurvatureGroup(const PathTracer::Impl& m, int x, int y, const SampleRu
   traceGroupInto(m, x, y, run, out, CurvatureSums(m.settings, out), rays, dropped);
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "trace/camera_draws.h"
 #include "trace/path_chunk.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Draws of one scattering event: the light's point, the new direction, (which light, which lobe), roulette.
 enum PathDraw : uint32_t { kDrawLight = 0, kDrawDirection = 1, kDrawChoice = 2, kDrawRoulette = 3, kDrawsPerEvent = 4 };
@@ -96,4 +97,5 @@ inline void PathChunk<Sink>::drawNumbers() {
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include "trace/area_lights.h"
 #include "trace/path_chunk.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// The ray of lane i found light k, which sends `radiance` (for power 1) along it; `t`, `primitive` as LightSampler::pdf wants them.
 template <PathSink Sink>
@@ -110,4 +111,5 @@ inline void PathChunk<Sink>::meetLights() {
   general |= flat & ~lambert;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

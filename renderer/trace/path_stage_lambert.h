@@ -4,7 +4,8 @@
 
 #include "trace/path_chunk.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Next-event estimation of the lanes in `asking`. Writes shadowed with sr, lit, litSpecular, litSlot.
 template <PathSink Sink>
@@ -129,4 +130,5 @@ inline void PathChunk<Sink>::scatterAtLambert() {
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -4,7 +4,8 @@
 
 #include "trace/path_chunk.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Reads shadowed, sr, lit, litSpecular, litSlot; light that nothing hides is contributed.
 template <PathSink Sink>
@@ -31,4 +32,5 @@ inline void PathChunk<Sink>::traceShadowRays() {
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -4,7 +4,8 @@
 
 #include "trace/path_chunk.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Reads general, rh, the event's numbers; writes next, shadowed with sr, lit, litSpecular, litSlot, and the state of lanes that go on.
 /// Smooth or textured Lambert joins the vector code by `lambert` and ls, other materials are finished here.
@@ -163,4 +164,5 @@ inline void PathChunk<Sink>::scatterAtSurfaces() {
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

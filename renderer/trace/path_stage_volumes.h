@@ -4,7 +4,8 @@
 
 #include "trace/path_chunk.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Lanes inside something that scatters walk to the end of their last segment, and ask for lights on the way. Reads and writes alive, the
 /// rays and hits of such lanes in rh, paths, media. Lane i's walk is one event where it is the path's first, and never direct light.
@@ -48,4 +49,5 @@ inline void PathChunk<Sink>::walkVolumes() {
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "trace/path_stage_surfaces.h"
 #include "trace/path_stage_volumes.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// The samples of these lanes; gives back those that were dropped.
 template <PathSink Sink>
@@ -50,4 +51,5 @@ void PathTracer::traceInto(int x, int y, uint32_t block, Sink& sink, uint64_t& r
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

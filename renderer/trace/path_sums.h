@@ -9,7 +9,8 @@
 #include "trace/path_sink.h"
 #include "trace/sample_set.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Adds to out[slot * 3 + channel] of the lanes' pixels. A sum per sample, so that a dropped one is left out whole; pictures with several slots keep a
 /// list instead of lanes x slots sums.
@@ -75,4 +76,5 @@ class SumSink {
   std::vector<Record>& records_;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

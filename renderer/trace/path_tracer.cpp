@@ -7,7 +7,8 @@
 #include "trace/reach.h"
 #include "trace/view_samples.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 void PathTracerSettings::hash(Hasher& h) const {
   h.addPod(camera.toWorld).add(camera.perspective).add(camera.yfov).add(camera.yheight).add(camera.centre.x).add(camera.centre.y);
@@ -155,4 +156,5 @@ void PathTracer::traceBlock(int x, int y, uint32_t block, double* out, uint64_t&
   traceInto(x, y, block, sums, rays, dropped);
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

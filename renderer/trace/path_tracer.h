@@ -28,7 +28,8 @@
 #include "trace/light_selector.h"
 #include "trace/path_class.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 enum class SplitMode : uint8_t {
   Combined,            ///< 1 slot a group
@@ -120,4 +121,5 @@ class PathTracer {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -5,7 +5,8 @@
 
 #include "trace/spot_falloff.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 namespace {
 
@@ -173,4 +174,5 @@ float PhotonEmitter::window(float length) const {
   return float(std::min(std::max(w, 0.0), 1.0));
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -13,7 +13,8 @@
 #include "trace/emission_profile.h"
 #include "trace/surface.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 struct Sphere {
   Vec3 centre{0.0f};
@@ -60,4 +61,5 @@ class PhotonEmitter {
   float away_ = 0;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "base/check.h"
 #include "base/sobol.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 namespace {
 uint64_t pack(const int64_t at[3]) { return uint64_t(at[0]) | uint64_t(at[1]) << 21 | uint64_t(at[2]) << 42; }
@@ -59,4 +60,5 @@ const PhotonMap::Cell* PhotonMap::find(const int64_t at[3]) const {
   return nullptr;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -9,7 +9,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 struct Photon {
   Vec3 p;              ///< where it landed
@@ -65,4 +66,5 @@ class PhotonMap {
   float radius_ = 0;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include "trace/reach.h"
 #include "trace/straight.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 namespace {
 
@@ -377,4 +378,5 @@ void CausticTracer::traceSamples(int x, int y, const SampleRun& run, const Photo
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

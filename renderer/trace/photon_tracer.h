@@ -23,7 +23,8 @@
 #include "trace/path_tracer.h"
 #include "trace/photon_map.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 struct CausticSettings {
   PathTracerSettings path;  ///< camera, size, bounces, block size, seed, groups; lights that are not delta lights are ignored
@@ -54,4 +55,5 @@ class CausticTracer {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

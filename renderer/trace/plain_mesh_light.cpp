@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 bool PlainMeshLight::build(const SceneView& view, const LightShape& shape) {
   const Instance& instance = view.instances()[shape.instance];
@@ -61,4 +62,5 @@ bool PlainMeshLight::sampleNear(const Triangle& t, const SphericalTriangle& near
   return out.distance > 0.0f && out.pdf > 0.0f;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include "trace/light_sampling.h"
 #include "trace/spherical_triangle.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 struct PlainMeshLight {
   struct Triangle {
@@ -45,4 +46,5 @@ struct PlainMeshLight {
   }
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

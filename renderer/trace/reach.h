@@ -16,7 +16,8 @@
 
 #include "scene/light.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 enum class Receiver : uint8_t { Camera, Surface, Volume };
 enum class Passage : uint8_t {
@@ -47,4 +48,5 @@ constexpr bool outOfReach(const LightShape& light, bool cameraVisible, Receiver 
          !(photons && photonReaches(light, from, through));
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include <bit>
 #include <cstdint>
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 inline constexpr uint32_t kBlockSamples = 16;
 inline constexpr uint32_t kFirstPasses = 5;  ///< of the first block
@@ -45,4 +46,5 @@ constexpr uint32_t samplesOfStream(uint32_t samples, uint32_t k, uint32_t stream
   return (blocks > k ? (blocks - k - 1) / streams + 1 : 0) * kBlockSamples + rest;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -4,7 +4,8 @@
 #include "base/halton.h"
 #include "base/independent.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 void SampleSet::drawOther1D(uint32_t dimension, float* out) const {
   for (int i = 0; i < kLanes; ++i) {
@@ -22,4 +23,5 @@ void SampleSet::drawOther2D(uint32_t dimension, float* x, float* y) const {
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "base/sampler_kind.h"
 #include "base/sobol.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 inline constexpr int kLanes = 16;
 
@@ -104,4 +105,5 @@ inline void cosineDirections(const float* __restrict u, const float* __restrict 
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include "trace/straight.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 SolidScene::SolidScene(const SceneView& view, AccelPtr accel, bool clear) : accel_(std::move(accel)) {
   if (!clear) return;
@@ -38,4 +39,5 @@ uint32_t SolidScene::occluded16(const Ray* rays, int count) const {
   return blocked;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

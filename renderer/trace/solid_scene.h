@@ -7,7 +7,8 @@
 
 #include "trace/accel.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 class SolidScene {
  public:
@@ -25,4 +26,5 @@ class SolidScene {
   std::vector<char> passable_;  // by instance; empty: none
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

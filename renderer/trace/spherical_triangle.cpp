@@ -5,7 +5,8 @@
 #include <cmath>
 #include <numbers>
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 namespace {
 
 /// Height above the triangle's plane, over distances and coordinates, from which on it is more than rounding.
@@ -70,4 +71,5 @@ DVec3 SphericalTriangle::sample(double u, double v, Vec2& barycentrics) const {
   return corner_ + e1_ * x + e2_ * y;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Is the triangle near enough for its solid angle to be asked? |p - centre|^2 < 8 areas: from about 0.12 sr on, seen straight.
 /// A property of (triangle, p) alone: whoever samples and whoever asks for a density decide alike.
@@ -33,4 +34,5 @@ class SphericalTriangle {
   double solidAngle_ = 0, area_ = 0, angles_ = 0, cosAlpha_ = 0, sinAlpha_ = 0;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

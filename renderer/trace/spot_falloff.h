@@ -3,7 +3,8 @@
 
 #include "scene/light.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// KHR_lights_punctual: squared linear ramp of the cosine between the two cones of a Spot.
 inline float spotFalloff(const LightShape& s, float cosine) {
@@ -11,4 +12,5 @@ inline float spotFalloff(const LightShape& s, float cosine) {
   return a * a;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -10,7 +10,8 @@
 
 #include "trace/surface.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Boundaries that change nothing and reflections inside a scattering volume are no events of a path, but not endlessly so: meshes may
 /// be broken.
@@ -42,4 +43,5 @@ Vec3 tint(const Accel& accel, const SurfaceTable& surfaces, const Ray& ray, uint
 
 inline constexpr int kMostPasses = 1 << 12;  ///< meshes may be broken
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

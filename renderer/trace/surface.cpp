@@ -4,7 +4,8 @@
 #include "trace/straight.h"
 #include "trace/texture_lookup.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 namespace {
 
@@ -124,4 +125,5 @@ void SurfaceTable::toWorld(const SurfaceInstance& s, Surface& out) {
       2.0f * (glm::abs(Vec3(m[0])) * reach.x + glm::abs(Vec3(m[1])) * reach.y + glm::abs(Vec3(m[2])) * reach.z + glm::abs(translation)) + glm::abs(out.p);
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include "trace/bsdf.h"
 #include "trace/interior.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// A texture with how it is looked up; null texture: none.
 struct SurfaceTexture {
@@ -150,4 +151,5 @@ class SurfaceTable {
   std::vector<std::shared_ptr<const Texture>> textures_;
 };
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -3,7 +3,8 @@
 #include "trace/surface.h"
 #include "trace/texture_lookup.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 Vec2 SurfaceTable::uvAt(const SurfaceInstance& s, const Place& at, const TextureRef& ref) {
   const Vec2* set = s.uv[ref.texcoord];
@@ -129,4 +130,5 @@ void SurfaceTable::detail(const SurfaceInstance& s, uint32_t a, uint32_t b, uint
   }
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -4,7 +4,8 @@
 
 #include "scene/material.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// KHR_texture_transform: scale, then rotation (counter-clockwise as seen in the picture, v pointing down), then offset.
 inline Vec2 transformUv(const TextureRef& ref, Vec2 uv) {
@@ -16,4 +17,5 @@ inline Vec2 transformUv(const TextureRef& ref, Vec2 uv) {
   return uv + ref.offset;
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -4,7 +4,8 @@
 #include "base/disk.h"
 #include "base/sobol.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 Vec2 viewSamplePosition(int s, int S) {
   if (S <= 1) return Vec2(0.5f);
@@ -19,4 +20,5 @@ Vec2 viewSampleLens(int s, int S, uint64_t pixel) {
   return concentricDisk(Vec2(toUnit(owenScramble(sobolBits(at, 0), uint32_t(h >> 32))), toUnit(owenScramble(sobolBits(at, 1), uint32_t(h)))));
 }
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

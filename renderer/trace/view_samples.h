@@ -6,7 +6,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline trace {
+namespace gobo {
+inline namespace trace {
 
 /// Offset in [0,1)^2 of view sample s of S inside the pixel (S = 1: the centre). Owen-scrambled Sobol points with one fixed seed.
 Vec2 viewSamplePosition(int s, int S);
@@ -15,4 +16,5 @@ Vec2 viewSamplePosition(int s, int S);
 /// that blurred things are noisy, not ghosts of S lenses).
 Vec2 viewSampleLens(int s, int S, uint64_t pixel);
 
-}  // namespace gobo::inline trace
+}  // namespace trace
+}  // namespace gobo

@@ -23,7 +23,8 @@
 #include "server/door/viewer_files.h"
 #include "server/rpc.h"
 
-namespace gobo::inline door {
+namespace gobo {
+inline namespace door {
 
 namespace {
 
@@ -536,4 +537,5 @@ Result<std::unique_ptr<Door>> Door::start(DoorOptions options) {
   return self;
 }
 
-}  // namespace gobo::inline door
+}  // namespace door
+}  // namespace gobo

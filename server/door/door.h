@@ -31,7 +31,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline door {
+namespace gobo {
+inline namespace door {
 
 struct DoorOptions {
   std::string listen;                                     ///< HOST:PORT; port 0 picks one
@@ -64,4 +65,5 @@ class Door {
   std::string address_;
 };
 
-}  // namespace gobo::inline door
+}  // namespace door
+}  // namespace gobo

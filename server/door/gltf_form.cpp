@@ -6,7 +6,8 @@
 #include <exception>
 #include <string_view>
 
-namespace gobo::inline door {
+namespace gobo {
+inline namespace door {
 
 namespace {
 constexpr size_t kFormBuffer = 64 << 10;  // of the reader, which is told pieces of at most that
@@ -104,4 +105,5 @@ Status GltfForm::finish() {
   return {};
 }
 
-}  // namespace gobo::inline door
+}  // namespace door
+}  // namespace gobo

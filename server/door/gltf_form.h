@@ -14,7 +14,8 @@
 #include "server/encode.h"
 #include "server/shared_limit.h"
 
-namespace gobo::inline door {
+namespace gobo {
+inline namespace door {
 
 /// One thread. What is wrong is remembered; the rest of the body is then dropped as it comes.
 class GltfForm {
@@ -61,4 +62,5 @@ class GltfForm {
   Status wrong_;
 };
 
-}  // namespace gobo::inline door
+}  // namespace door
+}  // namespace gobo

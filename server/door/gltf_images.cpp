@@ -6,7 +6,8 @@
 
 #include "base/image_io.h"
 
-namespace gobo::inline door {
+namespace gobo {
+inline namespace door {
 
 void toSensorDepth(std::span<float> depth, double least, double most) {
   for (float& z : depth) {
@@ -58,4 +59,5 @@ Result<std::vector<uint8_t>> labelPng(int width, int height, std::span<const flo
   return encodePng(image, options);
 }
 
-}  // namespace gobo::inline door
+}  // namespace door
+}  // namespace gobo

@@ -9,7 +9,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline door {
+namespace gobo {
+inline namespace door {
 
 /// Depth along the camera's axis, metres, 0 where there is nothing, as a sensor with that range tells it: 0 nearer than `least`, infinity
 /// beyond `most` and where there is nothing.
@@ -21,4 +22,5 @@ std::string depthTiff(int width, int height, std::span<const float> depth);
 /// 8-bit RGB PNG of the base colours as they stand in the scene file, 255 for 1, white where `depth` is 0. `colours`: three a pixel, 0..1.
 Result<std::vector<uint8_t>> labelPng(int width, int height, std::span<const float> colours, std::span<const float> depth);
 
-}  // namespace gobo::inline door
+}  // namespace door
+}  // namespace gobo

@@ -17,7 +17,8 @@
 #include "server/random_hex.h"
 #include "server/rpc.h"
 
-namespace gobo::inline door {
+namespace gobo {
+inline namespace door {
 
 namespace {
 
@@ -438,4 +439,5 @@ GltfAnswer GltfRenderer::render(const GltfCaller& caller, GltfForm& form, const 
   }
 }
 
-}  // namespace gobo::inline door
+}  // namespace door
+}  // namespace gobo

@@ -20,7 +20,8 @@
 #include "server/door/gltf_form.h"
 #include "server/shared_limit.h"
 
-namespace gobo::inline door {
+namespace gobo {
+inline namespace door {
 
 struct GltfRequest {
   enum class Image { Color, Depth, Label };
@@ -110,4 +111,5 @@ class GltfRenderer {
   std::list<Caller> callers_;  // the last used first
 };
 
-}  // namespace gobo::inline door
+}  // namespace door
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "gobo/v1/options.pb.h"
 #include "gobo/v1/render.pb.h"
 
-namespace gobo::inline door {
+namespace gobo {
+inline namespace door {
 
 namespace {
 
@@ -81,4 +82,5 @@ std::string schemaJson(const google::protobuf::Descriptor& root) {
   return Json{{"root", root.name()}, {"messages", messages}}.dump();
 }
 
-}  // namespace gobo::inline door
+}  // namespace door
+}  // namespace gobo

@@ -8,8 +8,10 @@
 
 #include <google/protobuf/descriptor.h>
 
-namespace gobo::inline door {
+namespace gobo {
+inline namespace door {
 
 std::string schemaJson(const google::protobuf::Descriptor& root);
 
-}  // namespace gobo::inline door
+}  // namespace door
+}  // namespace gobo

@@ -13,7 +13,8 @@
 #include "server/door/door.h"
 #include "server/rpc.h"
 
-namespace gobo::inline door {
+namespace gobo {
+inline namespace door {
 
 namespace {
 constexpr double kQuietSeconds = 5;  // a stream says that it lives at least that often
@@ -198,4 +199,5 @@ grpc::Status PutStream::finish(v1::PutBlobReply& reply) {
   return status_;
 }
 
-}  // namespace gobo::inline door
+}  // namespace door
+}  // namespace gobo

@@ -10,7 +10,8 @@
 
 #include "gobo/v1/service.grpc.pb.h"
 
-namespace gobo::inline door {
+namespace gobo {
+inline namespace door {
 
 /// How a wait for the channel's next event ended.
 enum class Upstream { Event, Ended, Quiet };
@@ -108,4 +109,5 @@ long retryMsOf(const grpc::ClientContext& context);
 /// The same for Retry-After: 0 stays 0, anything else is a second at least.
 long wholeSeconds(long ms);
 
-}  // namespace gobo::inline door
+}  // namespace door
+}  // namespace gobo

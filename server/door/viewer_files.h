@@ -5,7 +5,8 @@
 #include <span>
 #include <string_view>
 
-namespace gobo::inline door {
+namespace gobo {
+inline namespace door {
 
 struct ViewerFile {
   std::string_view name, type, bytes;  ///< "index.html", its media type
@@ -13,4 +14,5 @@ struct ViewerFile {
 
 std::span<const ViewerFile> viewerFiles();
 
-}  // namespace gobo::inline door
+}  // namespace door
+}  // namespace gobo

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/farm/numeric_class.h"
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 std::string numericClass() {
   __builtin_cpu_init();
@@ -11,4 +12,5 @@ std::string numericClass() {
   return std::string("x86-64-v3 embree-") + (wide ? "avx512" : "avx2");
 }
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

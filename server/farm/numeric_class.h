@@ -5,9 +5,11 @@
 
 #include <string>
 
-namespace gobo::inline server {
+namespace gobo {
+inline namespace server {
 
 /// "x86-64-v3 embree-avx2".
 std::string numericClass();
 
-}  // namespace gobo::inline server
+}  // namespace server
+}  // namespace gobo

@@ -16,7 +16,8 @@
 #include "base/mapped_faults.h"
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace fs = std::filesystem;
 
@@ -158,4 +159,5 @@ CrashMarks::Other::~Other() {
   if (auto* word = othersWord.load()) word->fetch_sub(1);
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -18,7 +18,8 @@
 #include "base/status.h"
 #include "server/jobs/job_store.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 /// What a crashed daemon left.
 struct CrashReport {
@@ -62,4 +63,5 @@ class CrashMarks {
   int fd_ = -1;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "server/log.h"
 #include "server/server.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 constexpr int kResultsEvery = 60, kSweepEvery = 3600;  // seconds
@@ -105,4 +106,5 @@ void DurableJobs::mindResults() {
   files_.sweepScenes(*needed, loaded);
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -13,7 +13,8 @@
 #include "server/jobs/job_worker.h"
 #include "server/repeating.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class DurableJobs {
  public:
@@ -53,4 +54,5 @@ class DurableJobs {
   Repeating minder_;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -13,7 +13,8 @@
 #include "request/request.h"
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 
@@ -203,4 +204,5 @@ Result<RenderResult> FrameJoin::finish() {
   return std::move(result_);
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include "server/jobs/task_store.h"
 #include "terms/dropped_samples.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 /// Of each frame of this (resolved) job; 0 where tile_px is absent or as large as the picture.
 uint32_t partsOf(const v1::JobSpec& spec);
@@ -47,4 +48,5 @@ class FrameJoin {
   uint64_t pixels_ = 0;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

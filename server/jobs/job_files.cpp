@@ -20,7 +20,8 @@
 #include "server/jobs/job_store.h"
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace fs = std::filesystem;
 
@@ -289,4 +290,5 @@ void JobFiles::sweepScenes(const std::vector<std::string>& needed, const std::ve
   for (const fs::path& p : gone) fs::remove_all(p, error);
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

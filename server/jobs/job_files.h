@@ -21,7 +21,8 @@
 #include "server/jobs/job_store.h"
 #include "server/jobs/litter.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class JobFiles {
  public:
@@ -91,4 +92,5 @@ class JobFiles {
   std::atomic<uint64_t> counter_{0};
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

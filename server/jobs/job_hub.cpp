@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <chrono>
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 void JobHub::changed() {
   {
@@ -94,4 +95,5 @@ void JobHub::overlay(JobRecord& record) const {
   record.job.set_progress(std::min(1.0, record.job.progress() + more / double(std::max<uint64_t>(1, record.job.frames_total()))));
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -10,7 +10,8 @@
 
 #include "server/jobs/job_store.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class JobHub {
  public:
@@ -52,4 +53,5 @@ class JobHub {
   std::map<TaskId, Live> live_;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "server/jobs/postgres_job_store.h"
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 constexpr int kNewsRetryMs = 2000;
@@ -47,4 +48,5 @@ void JobNews::listen() {
   }
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include "base/descriptor.h"
 #include "server/jobs/postgres.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class JobNews {
  public:
@@ -28,4 +29,5 @@ class JobNews {
   std::thread thread_;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -15,7 +15,8 @@
 #include "server/log.h"
 #include "server/random_hex.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 
@@ -103,4 +104,5 @@ Status JobOut::deliver(TaskStore& store, const JobFiles& files, const Lease& lea
   return {};
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

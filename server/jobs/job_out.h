@@ -12,7 +12,8 @@
 #include "server/jobs/job_files.h"
 #include "server/jobs/task_store.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class JobOut {
  public:
@@ -30,4 +31,5 @@ class JobOut {
   std::string folder_;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -11,7 +11,8 @@
 #include "scene/scene.h"
 #include "server/file_digest.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace fs = std::filesystem;
 
@@ -135,4 +136,5 @@ Result<ScenePtr> JobScenes::get(const JobRecord& record) {
   return scene;
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

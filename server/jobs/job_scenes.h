@@ -9,7 +9,8 @@
 #include "server/jobs/job_files.h"
 #include "server/jobs/task_scenes.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 /// The first 16 digits of what names a scene's files under FOLDER/scenes: of sources "upload:DIGEST.glb" and "blobs:DIGEST/NAME"; empty for others.
 std::string keptSceneDigest(const std::string& source);
@@ -40,4 +41,5 @@ class JobScenes final : public TaskScenes {
   std::shared_ptr<const Scene> cached_;  // the last one that had to be loaded
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

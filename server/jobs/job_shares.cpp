@@ -7,7 +7,8 @@
 #include <set>
 #include <tuple>
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 void JobShares::retain(const std::vector<std::string>& active) {
   const std::set<std::string> names(active.begin(), active.end());
@@ -40,4 +41,5 @@ void JobShares::ended(TaskId task, double now) {
   running_.erase(at);
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -11,7 +11,8 @@
 
 #include "server/jobs/job_store.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class JobShares {
  public:
@@ -38,4 +39,5 @@ class JobShares {
   uint64_t served_ = 0;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -15,7 +15,8 @@
 #include "server/jobs/out_pattern.h"
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 
@@ -181,4 +182,5 @@ std::string resultName(const v1::JobSpec& spec, int64_t frame, const std::string
   return name + "." + extensionOf(format);
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "plan/engine.h"
 #include "server/jobs/job_store.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 constexpr size_t kSpecBytes = 1 << 20;  ///< of a job's spec as it is kept: lists show many of them
 
@@ -35,4 +36,5 @@ const char* extensionOf(v1::Encoding::Format format);
 /// "NAME.0007.beauty.exr"; characters that do not belong into a file name become "_".
 std::string resultName(const v1::JobSpec& spec, int64_t frame, const std::string& output, v1::Encoding::Format format);
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -22,7 +22,8 @@
 
 #include "server/jobs/task_store.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 /// What is submitted: checked and resolved by the caller (server/jobs/job_spec.h).
 struct NewJob {
@@ -115,4 +116,5 @@ std::string jobIdText(int64_t id);
 int64_t jobIdOf(const std::string& text);
 bool jobIsOver(v1::Job::State state);
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

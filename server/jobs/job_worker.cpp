@@ -4,7 +4,8 @@
 #include "server/jobs/task_run.h"
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 JobWorker::JobWorker(Engine& engine, JobRunner& runner, TaskStore& store, JobFiles& files, TaskScenes& scenes, JobHub& hub, const JobWorkerOptions& options)
     : engine_(engine), runner_(runner), store_(store), files_(files), scenes_(scenes), hub_(hub), options_(options) {
@@ -36,4 +37,5 @@ void JobWorker::loop(int number) {
   }
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -17,7 +17,8 @@
 #include "server/jobs/job_out.h"
 #include "server/jobs/task_scenes.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 struct JobWorkerOptions {
   std::shared_ptr<DisplayTransforms> displays;  ///< of the engine's config: frames put together from parts are shown by it; may be null
@@ -57,4 +58,5 @@ class JobWorker {
   std::vector<std::thread> threads_;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "server/jobs/job_spec.h"
 #include "server/limits.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 
@@ -262,4 +263,5 @@ grpc::Status JobsService::Delete(grpc::ServerContext* context, const v1::DeleteJ
   });
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

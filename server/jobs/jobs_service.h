@@ -10,7 +10,8 @@
 #include "server/jobs/durable_jobs.h"
 #include "server/serve.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class JobsService final : public v1::Jobs::Service {
  public:
@@ -45,4 +46,5 @@ class JobsService final : public v1::Jobs::Service {
   ServerCore& core_;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

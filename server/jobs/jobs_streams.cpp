@@ -14,7 +14,8 @@
 #include "server/log.h"
 #include "server/rpc.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 
@@ -190,4 +191,5 @@ grpc::Status JobsService::fetch(Rpc& rpc, const v1::FetchRequest& sent, grpc::Se
   return grpc::Status::OK;
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

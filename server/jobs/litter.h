@@ -11,7 +11,8 @@
 
 #include "base/file_stamp.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class Litter {
  public:
@@ -45,4 +46,5 @@ class Litter {
   std::map<std::string, Seen> seen_;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "server/jobs/job_spec.h"
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 
@@ -169,4 +170,5 @@ std::string outPath(const v1::JobSpec& spec, const std::string& job, int64_t fra
   return outText(*pieces, file);
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -16,7 +16,8 @@
 #include "base/stop.h"
 #include "gobo/v1/jobs.pb.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 constexpr size_t kOutPatternBytes = 1000, kOutPathBytes = 1024, kOutPartBytes = 255;
 
@@ -27,4 +28,5 @@ Status checkOutPaths(const v1::JobSpec& resolved, const std::vector<int64_t>& fr
 /// The path of one file, relative. The pattern was checked.
 std::string outPath(const v1::JobSpec& resolved, const std::string& job, int64_t frame, const std::string& output);
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

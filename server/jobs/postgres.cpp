@@ -13,7 +13,8 @@
 #include "base/utf8.h"
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 struct PostgresClear {
   void operator()(PGresult* r) const { PQclear(r); }
@@ -266,4 +267,5 @@ class Postgres::Use final : public SqlStatement {
 
 std::unique_ptr<SqlStatement> Postgres::use(const char* sql) { return std::make_unique<Use>(*this, sql); }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -14,7 +14,8 @@
 struct pg_conn;
 struct pg_result;
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 /// Checks a connection URI ("postgresql:///gobo?host=/run/postgresql") without connecting. Errors: InvalidArgument when it is none, and when it
 /// has a password: that belongs into PGPASSFILE.
@@ -64,4 +65,5 @@ class Postgres final : public SqlConnection {
   Status refused_;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

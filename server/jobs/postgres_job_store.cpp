@@ -10,7 +10,8 @@
 #include "server/jobs/postgres_schema.h"
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 
@@ -252,4 +253,5 @@ Result<std::string> PostgresJobStore::integrity() {
   return found;
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -18,7 +18,8 @@
 #include "server/jobs/postgres.h"
 #include "server/jobs/sql_job_store.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class PostgresJobStore final : public SqlJobStore {
  public:
@@ -61,4 +62,5 @@ class PostgresJobStore final : public SqlJobStore {
   std::set<int64_t> passed_;  ///< jobs whose ready frames others are taking while this claim looks
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

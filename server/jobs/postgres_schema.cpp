@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/jobs/postgres_schema.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 // States are the numbers of v1.Job.State and v1.Frame.State. Text is compared by its bytes, as SQLite does. Frames change several times in their
 // life and are found by state: room in each page keeps the new version of a row beside the old one.
@@ -61,4 +62,5 @@ CREATE INDEX log_job ON log(job, seq);
 UPDATE store SET version = 2;
 )";
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

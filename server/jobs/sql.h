@@ -9,7 +9,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 /// One use of a statement: bind each value in order, then next() until false. A null column reads as 0 or as empty.
 class SqlStatement {
@@ -69,4 +70,5 @@ class SqlQuery {
   std::unique_ptr<SqlStatement> s_;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

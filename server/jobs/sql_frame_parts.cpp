@@ -5,7 +5,8 @@
 
 #include "server/jobs/sql_job_store.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 using Query = SqlQuery;
 
@@ -105,4 +106,5 @@ Status SqlJobStore::readParts(const JobRecord& record, const std::vector<int64_t
   return q.status();
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "server/jobs/sql_job_store.h"
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 Status SqlJobStore::addNeeds(int64_t job, const std::vector<int64_t>& needs, const char* field) {
   // Shared: an end of theirs that is being written, which lets go of who waits, is waited for and then seen.
@@ -144,4 +145,5 @@ Status SqlJobStore::letDependentsGo(int64_t job) {
   return some ? tell(News::Work) : Status();
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

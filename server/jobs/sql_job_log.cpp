@@ -5,7 +5,8 @@
 #include "server/jobs/sql_job_store.h"
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 
@@ -80,4 +81,5 @@ Result<std::vector<v1::JobLogEntry>> SqlJobStore::log(int64_t id, const JobLogFi
   return entries;
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

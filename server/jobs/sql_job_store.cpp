@@ -8,7 +8,8 @@
 
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 
@@ -413,4 +414,5 @@ Status SqlJobStore::remove(int64_t id) {
   });
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -14,7 +14,8 @@
 #include "server/jobs/job_store.h"
 #include "server/jobs/sql.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 struct JobStoreOptions {
   std::function<double()> now;        ///< seconds since 1970; the system clock (PostgreSQL: the database's) if empty
@@ -156,4 +157,5 @@ class SqlJobStore : public JobStore {
   Result<std::vector<std::string>> texts(const char* sql, int64_t id = 0);
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

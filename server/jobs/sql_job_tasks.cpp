@@ -6,7 +6,8 @@
 #include "server/jobs/sql_job_store.h"
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 using Query = SqlQuery;
 
@@ -525,4 +526,5 @@ Result<JobTotals> SqlJobStore::totals() {
   return t;
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

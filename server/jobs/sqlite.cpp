@@ -4,7 +4,8 @@
 #include <sqlite3.h>
 #include <sys/stat.h>
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 Status Sqlite::error(int code) const {
   Code kind = Code::Internal;
@@ -131,4 +132,5 @@ class Sqlite::Use final : public SqlStatement {
 
 std::unique_ptr<SqlStatement> Sqlite::use(const char* sql) { return std::make_unique<Use>(*this, sql); }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -14,7 +14,8 @@
 struct sqlite3;
 struct sqlite3_stmt;
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class Sqlite final : public SqlConnection {
  public:
@@ -51,4 +52,5 @@ class Sqlite final : public SqlConnection {
   std::map<std::string, sqlite3_stmt*> statements_;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

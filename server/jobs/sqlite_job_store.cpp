@@ -12,7 +12,8 @@
 
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 
@@ -252,4 +253,5 @@ Result<std::string> SqliteJobStore::integrity() {
   return db_.value("PRAGMA integrity_check");
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "server/jobs/sql_job_store.h"
 #include "server/jobs/sqlite.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class SqliteJobStore final : public SqlJobStore {
  public:
@@ -45,4 +46,5 @@ class SqliteJobStore final : public SqlJobStore {
   double clockBase_ = 0, clockKept_ = 0;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

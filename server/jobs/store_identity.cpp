@@ -3,7 +3,8 @@
 
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 
@@ -52,4 +53,5 @@ Result<std::unique_ptr<PostgresJobStore>> openPostgresStore(JobFiles& files, con
                                           [&](const JobStoreOptions& o) { return PostgresJobStore::open(uri, o); });
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "server/jobs/postgres_job_store.h"
 #include "server/jobs/sqlite_job_store.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 /// Opens FOLDER/jobs.sqlite; makes it where the folder promises nothing yet. At the first start the store comes first, then the file,
 /// so a kill between them leaves a store without the file, which is given one at the next start.
@@ -19,4 +20,5 @@ Result<std::unique_ptr<SqliteJobStore>> openStore(JobFiles& files, const JobStor
 /// The same for the store in a database, which all daemons of a farm open beside one folder. Errors as well: those of PostgresJobStore::open.
 Result<std::unique_ptr<PostgresJobStore>> openPostgresStore(JobFiles& files, const std::string& uri, const JobStoreOptions& options = {});
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

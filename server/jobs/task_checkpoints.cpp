@@ -6,7 +6,8 @@
 #include "server/log.h"
 #include "terms/term_file.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 TaskCheckpoints::TaskCheckpoints(TaskStore& store, JobFiles& files, const Lease& lease, std::vector<CheckpointRow> rows)
     : store_(store), files_(files), lease_(lease) {
@@ -106,4 +107,5 @@ void TaskCheckpoints::drop() {
   states_.clear();
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

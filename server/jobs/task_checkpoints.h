@@ -13,7 +13,8 @@
 #include "plan/checkpoints.h"
 #include "server/jobs/job_files.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class TaskCheckpoints final : public RenderCheckpoints {
  public:
@@ -53,4 +54,5 @@ class TaskCheckpoints final : public RenderCheckpoints {
   std::atomic<uint64_t> resumed_{0}, written_{0};
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "server/jobs/job_spec.h"
 #include "server/log.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 namespace {
 
@@ -313,4 +314,5 @@ void TaskRun::finish(const Status& status) {
   if (!told.ok()) logWarn("job %s: %s", name.c_str(), told.toString().c_str());
 }
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

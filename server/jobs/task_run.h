@@ -6,7 +6,8 @@
 #include "server/jobs/job_worker.h"
 #include "server/jobs/task_checkpoints.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class TaskRun {
  public:
@@ -54,4 +55,5 @@ class TaskRun {
   double ranSeconds_ = 0;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

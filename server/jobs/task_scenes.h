@@ -6,7 +6,8 @@
 #include "plan/engine.h"
 #include "server/jobs/task_store.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 class TaskScenes {
  public:
@@ -17,4 +18,5 @@ class TaskScenes {
   virtual EnvironmentSource environment(const JobRecord& record) = 0;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

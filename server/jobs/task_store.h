@@ -12,7 +12,8 @@
 #include "base/status.h"
 #include "gobo/v1/jobs.pb.h"
 
-namespace gobo::inline jobs {
+namespace gobo {
+inline namespace jobs {
 
 /// How holders begin that are on other machines: a daemon that starts alone on its folder does not know that they are dead.
 inline constexpr char kRemoteHolder[] = "farm/";
@@ -85,4 +86,5 @@ class TaskStore {
   virtual Status release(const Lease& lease) = 0;
 };
 
-}  // namespace gobo::inline jobs
+}  // namespace jobs
+}  // namespace gobo

@@ -13,7 +13,8 @@
 
 #include "device/compute_device.h"
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 
 class EglDevice;
 
@@ -61,4 +62,5 @@ class EglDevice final : public ComputeDevice, public std::enable_shared_from_thi
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo

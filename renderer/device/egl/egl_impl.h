@@ -12,7 +12,8 @@
 #include "device/egl/egl_device.h"
 #include "device/egl/egl_result.h"
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 
 // The functions of OpenGL 4.5 in use; eglGetProcAddress gives them.
 // clang-format off
@@ -72,7 +73,8 @@ struct EglDevice::Impl {
   };
 };
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo
 
 /// GOBO_GL(gl, DispatchCompute, x, y, z): calls it, and leaves the enclosing function with its error.
 #define GOBO_GL(gl, function, ...)        \

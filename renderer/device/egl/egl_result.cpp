@@ -6,7 +6,8 @@
 
 #include <cstdio>
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 namespace {
 
 std::string hexadecimal(const char* what, unsigned value) {
@@ -79,4 +80,5 @@ Status glStatus(unsigned error, const char* call) {
   return {code, std::string(call) + ": " + glErrorName(error)};
 }
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo

@@ -4,7 +4,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 
 /// "EGL_BAD_MATCH"; "EGL error 0x1234" for one that this file does not know.
 std::string eglErrorName(int error);
@@ -16,4 +17,5 @@ std::string glErrorName(unsigned error);
 /// Ok for GL_NO_ERROR.
 Status glStatus(unsigned error, const char* call);
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include "base/check.h"
 #include "device/egl/egl_impl.h"
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 
 EglBuffer::EglBuffer(std::shared_ptr<const EglDevice> device, unsigned buffer, size_t bytes)
     : ComputeBuffer(device.get(), bytes), device_(std::move(device)), buffer_(buffer) {}
@@ -146,4 +147,5 @@ Status EglDevice::run(std::span<const ComputeDispatch> dispatches, std::vector<d
   return d.gl.check("glGetQueryObjectui64v");
 }
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo

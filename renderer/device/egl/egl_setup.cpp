@@ -6,7 +6,8 @@
 
 #include "device/egl/egl_impl.h"
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 namespace {
 
 /// No driver, or one that lacks something: Unavailable, unless memory ran out.
@@ -139,4 +140,5 @@ const std::string& EglDevice::name() const { return impl_->name; }
 const std::string& EglDevice::numericClass() const { return impl_->numericClass; }
 uint64_t EglDevice::maxBufferBytes() const { return impl_->maxBufferBytes; }
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo

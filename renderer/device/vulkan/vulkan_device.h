@@ -14,7 +14,8 @@
 
 #include "device/compute_device.h"
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 
 class VulkanDevice;
 
@@ -65,4 +66,5 @@ class VulkanDevice final : public ComputeDevice, public std::enable_shared_from_
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "device/vulkan/vulkan_device.h"
 #include "device/vulkan/vulkan_result.h"
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 
 struct VulkanBuffer::Memory {
   VkBuffer buffer = VK_NULL_HANDLE;
@@ -79,4 +80,5 @@ inline constexpr size_t kMostKept = size_t(256) << 20;
 /// Dispatches of one submission; run() splits longer lists.
 inline constexpr uint32_t kMaxDispatches = 64;
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "base/check.h"
 #include "device/vulkan/vulkan_impl.h"
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 namespace {
 
 constexpr VkMemoryPropertyFlags kHost = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
@@ -179,4 +180,5 @@ Status VulkanDevice::download(const ComputeBuffer& from, void* data, size_t byte
   return {};
 }
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo

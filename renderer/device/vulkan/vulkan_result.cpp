@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "device/vulkan/vulkan_result.h"
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 
 std::string vkResultName(VkResult result) {
   switch (result) {
@@ -52,4 +53,5 @@ Status vkStatus(VkResult result, const char* call) {
   return {code, std::string(call) + ": " + vkResultName(result)};
 }
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo

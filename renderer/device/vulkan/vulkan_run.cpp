@@ -5,7 +5,8 @@
 #include "base/check.h"
 #include "device/vulkan/vulkan_impl.h"
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 
 Result<VulkanDevice::Impl::Pipeline> VulkanDevice::Impl::pipeline(const ComputeKernel& kernel) {
   if (const auto found = pipelines.find(kernel.code.data()); found != pipelines.end()) return found->second;
@@ -120,4 +121,5 @@ Status VulkanDevice::run(std::span<const ComputeDispatch> dispatches, std::vecto
   return {};
 }
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo

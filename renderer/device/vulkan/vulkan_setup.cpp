@@ -7,7 +7,8 @@
 
 #include "device/vulkan/vulkan_impl.h"
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 namespace {
 
 constexpr const char* kLayer = "VK_LAYER_KHRONOS_validation";
@@ -233,4 +234,5 @@ const std::string& VulkanDevice::numericClass() const { return impl_->numericCla
 bool VulkanDevice::software() const { return impl_->properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU; }
 uint64_t VulkanDevice::maxBufferBytes() const { return impl_->properties.limits.maxStorageBufferRange; }
 
-}  // namespace gobo::inline device
+}  // namespace device
+}  // namespace gobo

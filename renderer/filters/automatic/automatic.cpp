@@ -12,7 +12,8 @@
 #include "filters/shadow_map/techniques.h"
 #include "filters/soft_shadow/soft_shadow.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 // Nanoseconds on the machine of docs/benchmarks.md (2 cores), by `bench/shadow_bench costs`.
@@ -194,4 +195,5 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   return choice;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -16,7 +16,8 @@
 
 #include "filters/shadow_technique.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct AutomaticCandidate {
   v1::ShadowTechnique technique;  ///< with map settings
@@ -34,4 +35,5 @@ struct AutomaticChoice {
 Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique,
                                      const std::function<Result<TermPtr>(const Graph&, NodeId)>& expand);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "base/check.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 constexpr double kNearMiss = 1.25;     // what a probe cannot tell apart
@@ -73,4 +74,5 @@ bool worthAnotherLook(std::span<const ProbeEvidence> candidates, const ShadowBud
   return kChance * saved > costMs;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

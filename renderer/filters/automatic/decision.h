@@ -6,7 +6,8 @@
 #include <span>
 #include <vector>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Predicted time of a candidate and what probes said of its error so far.
 struct ProbeEvidence {
@@ -35,4 +36,5 @@ std::vector<size_t> rivalsOf(std::span<const ProbeEvidence> candidates, const Sh
 /// time, what is looked at must stay a small part of it.
 bool worthAnotherLook(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen, std::span<const size_t> rivals, double costMs);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

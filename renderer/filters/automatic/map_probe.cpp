@@ -9,7 +9,8 @@
 #include "formulas/soft_shadow.glsl.h"
 #include "trace/solid_scene.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 constexpr size_t kMapGrain = 8;          // pixels a task
@@ -231,4 +232,5 @@ class MapProbeNode final : public Node {
 
 NodePtr makeMapProbeNode(const MapProbeSettings& settings) { return std::make_shared<MapProbeNode>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

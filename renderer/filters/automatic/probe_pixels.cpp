@@ -7,7 +7,8 @@
 #include "base/check.h"
 #include "base/sobol.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 constexpr int kLeastCut = 4;  // pixels across a cell that is cut
@@ -154,4 +155,5 @@ void StratifiedSum::add(const ProbePixel& pixel, double value) {
   squares_ += before * (z - mean_);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -16,7 +16,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct PixelPlace {
   int x = 0, y = 0;
@@ -63,4 +64,5 @@ class StratifiedSum {
   uint32_t stratum_ = 0;
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -13,7 +13,8 @@
 #include "trace/solid_scene.h"
 #include "trace/view_samples.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 constexpr size_t kGrain = 8;       // pixels a task
@@ -322,4 +323,5 @@ double shadowProbeRays(const ShadowProbeSettings& s) {
 
 NodePtr makeShadowProbeNode(const ShadowProbeSettings& settings) { return std::make_shared<ShadowProbeNode>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

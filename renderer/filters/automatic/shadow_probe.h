@@ -11,7 +11,8 @@
 #include "scene/camera.h"
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// One map that could be made.
 struct ProbeMap {
@@ -47,4 +48,5 @@ struct MapProbeSettings {
 /// comparison; soft: percentage-closer soft shadows with 36 + 64 taps. Plane penumbra f64: share of receivers that are partly lit by the map. A small output.
 NodePtr makeMapProbeNode(const MapProbeSettings& settings);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "filters/axis_aligned/taps_kernels.h"
 #include "formulas/axis_aligned.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 using axis_aligned::kLanes;
@@ -267,4 +268,5 @@ const AxisAlignedFilterSettings& settingsOfAxisAlignedFilter(const Node& node) {
 }
 NodePtr makeAxisAlignedFilter(const AxisAlignedFilterSettings& settings) { return std::make_shared<AxisAlignedFilter>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -29,7 +29,8 @@
 #include "terms/node.h"
 #include "terms/shadow_light.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Literal modes: what the source and its released code did otherwise, for reproducing and taking apart (filters/axis_aligned/literal.h). No request has them.
 enum class AxisAlignedDistance : uint8_t {
@@ -64,4 +65,5 @@ NodePtr makeAxisAlignedFilter(const AxisAlignedFilterSettings& settings);
 /// Of a node that makeAxisAlignedFilter made (CHECKed).
 const AxisAlignedFilterSettings& settingsOfAxisAlignedFilter(const Node& node);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

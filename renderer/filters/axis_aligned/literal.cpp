@@ -9,7 +9,8 @@
 #include "filters/ray_traced/technique.h"
 #include "terms/shadow_slopes.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 size_t placeOf(char c, std::string_view text) {
@@ -107,4 +108,5 @@ Result<NodeId> planAxisAlignedModes(Graph& graph, const ShadowInput& input, cons
   return filter(makeAxisAlignedFilter(f), {noisy, g, count}, "axis_aligned_filter");
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

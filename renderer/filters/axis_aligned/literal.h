@@ -17,7 +17,8 @@
 #include "filters/shadow_technique.h"
 #include "terms/shadow_light_profile.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct AxisAlignedModes {
   bool codeBeta = false;
@@ -41,4 +42,5 @@ float sigmaOf(const LightShape& shape, const AxisAlignedModes& modes);
 /// Adds pilot, dilation, rates and filter by `modes`. Errors: InvalidArgument for lights without a plane, and Gaussians of other lights than rectangles.
 Result<NodeId> planAxisAlignedModes(Graph& graph, const ShadowInput& input, const AxisAlignedModes& modes);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

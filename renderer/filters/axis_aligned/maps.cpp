@@ -7,7 +7,8 @@
 #include "filters/axis_aligned/filter.h"
 #include "formulas/axis_aligned.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 class ShadowFilterMaps final : public Node {
@@ -67,4 +68,5 @@ Result<NodeId> planShadowFilterMaps(Graph& graph, NodeId visibility) {
       {std::make_shared<ShadowFilterMaps>(settings.k, settings.radiusPx > 0), {count, width, gbuffer}, {}, filter.label + " maps", 0, nullptr, false});
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

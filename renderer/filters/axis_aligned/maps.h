@@ -4,10 +4,12 @@
 
 #include "terms/graph.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Adds a node "shadow_filter_maps" behind the filter that `visibility` comes from: planes rays f32, shadow rays of the view sample, and width f32, standard
 /// deviation of the filter in pixels, in the light's plane; 0 where nothing is filtered. Errors: InvalidArgument where no axis-aligned filter is.
 Result<NodeId> planShadowFilterMaps(Graph& graph, NodeId visibility);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "filters/axis_aligned/window_kernels.h"
 #include "formulas/axis_aligned.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 constexpr float kWidestPenumbra = 1.0e9f;  // pixels; its fourth power is still a float
@@ -187,4 +188,5 @@ NodePtr makeShadowPenumbraCount(uint32_t pilot, uint32_t samples, const Extent& 
 }
 NodePtr makeShadowPredictedWidth(bool fourthOrder, const Extent& extent) { return std::make_shared<ShadowPredictedWidth>(fourthOrder, extent); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

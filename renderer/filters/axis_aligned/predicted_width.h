@@ -9,7 +9,8 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// "shadow_penumbra". Inputs 0: "shadow_slopes", 1: "gbuffer". Planes: size f32, (mean of S^-4)^-1/4 in pixels over the view samples of the same
 /// instance within +-radius pixels whose pilot met an occluder, S at least kNarrowestPenumbra; 0 where there are none, no surface, or one that none of the
@@ -25,4 +26,5 @@ NodePtr makeShadowPenumbraCount(uint32_t pilot, uint32_t samples, const Extent& 
 /// filter of k = 3 as wide as formulas::aaPredictedWidth / filterMu; 0 where there is nothing to filter.
 NodePtr makeShadowPredictedWidth(bool fourthOrder, const Extent& extent);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "formulas/axis_aligned.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 float samples(const ShadowRateSettings& r, float sMin, float sMax, float footprint, float mu) {
@@ -213,4 +214,5 @@ NodePtr makeShadowSlopeDilation(int radiusPx, const Extent& extent) { return std
 NodePtr makeShadowMu(float mu, float meanSamples, const ShadowRateSettings& rate) { return std::make_shared<ShadowMu>(mu, meanSamples, rate); }
 NodePtr makeShadowSampleCount(const ShadowRateSettings& rate, const Extent& extent) { return std::make_shared<ShadowSampleCount>(rate, extent); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "terms/node.h"
 #include "terms/shadow_light.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// "shadow_slope_dilation". Inputs 0: "shadow_slopes", 1: "gbuffer". A view sample whose pilot met no occluder takes the largest sMax and the
 /// smallest sMin of view samples of the same instance within +-radius pixels (rows, then columns); one that met an occluder keeps its own.
@@ -34,4 +35,5 @@ NodePtr makeShadowMu(float mu, float meanSamples, const ShadowRateSettings& rate
 /// Omega f32: band limit in rad/m at filterMu, 0 where there is nothing to filter.
 NodePtr makeShadowSampleCount(const ShadowRateSettings& rate, const Extent& extent);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

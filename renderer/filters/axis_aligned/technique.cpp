@@ -12,7 +12,8 @@
 #include "filters/ray_traced/technique.h"
 #include "terms/shadow_slopes.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 constexpr uint32_t kDefaultSamples = 16;  // where mean_samples is 0 and no equation says how many
@@ -83,4 +84,5 @@ const ShadowTechniqueEntry& axisAlignedShadowTechnique() {
   return entry;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -12,8 +12,10 @@
 
 #include "filters/shadow_technique.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 const ShadowTechniqueEntry& axisAlignedShadowTechnique();
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -8,7 +8,8 @@
 
 #include "base/closest.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -119,4 +120,5 @@ Result<Formula> Formula::parse(const std::string& text, std::span<const std::str
   return f;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

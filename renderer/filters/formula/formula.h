@@ -18,7 +18,8 @@
 
 #include "base/status.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 inline constexpr size_t kMostFormula = 1000;
 
@@ -62,4 +63,5 @@ class Formula {
   std::vector<bool> reads_;
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include <cmath>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 class LightBandNode final : public Node {
@@ -70,4 +71,5 @@ class LightBandSumNode final : public Node {
 NodePtr makeLightBand(int band) { return std::make_shared<LightBandNode>(band); }
 NodePtr makeLightBandSum() { return std::make_shared<LightBandSumNode>(); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -13,11 +13,13 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// "light_band". Input 0: "light_samples" with plane band. Plane V f32: channel `band` of it.
 NodePtr makeLightBand(int band);
 /// "light_band_sum". Inputs: terms with plane V f32. Plane V f32: their sum, limited to 0..1. One input: what it says, to the bit.
 NodePtr makeLightBandSum();
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "filters/sheared/technique.h"
 #include "terms/shadow_light.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 Result<NodeId> planMultipleAxisAligned(Graph& graph, const ShadowInput& input, const MultipleAxisAlignedSettings& s) {
   GOBO_CHECK(s.bands.count() > 0 && s.scales.size() == s.bands.rims.size());
@@ -24,4 +25,5 @@ Result<NodeId> planMultipleAxisAligned(Graph& graph, const ShadowInput& input, c
   return addShadowFilter(graph, makeLightBandSum(), filtered, "light_band_sum", input);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

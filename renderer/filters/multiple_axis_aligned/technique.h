@@ -8,7 +8,8 @@
 #include "filters/shadow_technique.h"
 #include "terms/light_samples.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct MultipleAxisAlignedSettings {
   uint32_t samples = 16, pilot = 4;
@@ -19,4 +20,5 @@ struct MultipleAxisAlignedSettings {
 /// As ShadowTechniqueEntry::plan. One band at scale 1 is shadows.axis_aligned with its defaults, but for rounding. Errors: those of planShearedShadow.
 Result<NodeId> planMultipleAxisAligned(Graph& graph, const ShadowInput& input, const MultipleAxisAlignedSettings& settings);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -4,7 +4,8 @@
 #include "filters/denoise/fast_exp.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -101,4 +102,5 @@ class BilateralNode final : public PictureNode {
 
 NodePtr makeBilateralNode(PictureShape shape, double sigma, double range) { return std::make_shared<BilateralNode>(std::move(shape), sigma, range); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "filters/picture/fourier.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -166,4 +167,5 @@ NodePtr makeBloomNode(PictureShape shape, double threshold, double gain, double 
   return std::make_shared<BloomNode>(std::move(shape), threshold, gain, radius);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

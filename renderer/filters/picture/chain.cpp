@@ -3,7 +3,8 @@
 
 #include "gobo/v1/options.pb.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 std::string filteredTerm(const v1::PictureFilter& filter) { return filter.term().empty() ? "beauty" : filter.term(); }
 
@@ -71,4 +72,5 @@ void scaleFilters(v1::RenderRequest& request, double scale) {
   }
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -13,7 +13,8 @@
 #include "gobo/v1/render.pb.h"
 #include "terms/graph.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct PictureFilterEntry {
   v1::PictureFilter::FilterCase key;
@@ -54,4 +55,5 @@ NodeId addChain(Graph& graph, NodeId in, const Chain& chain, const PictureShape&
 /// The same filters in a picture of another size, `scale` times as wide: what they count in pixels is as large in it.
 void scaleFilters(v1::RenderRequest& request, double scale);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -2,7 +2,8 @@
 #include "base/vec.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -53,4 +54,5 @@ NodePtr makeColorBalanceNode(PictureShape shape, const std::array<double, 3>& tr
   return std::make_shared<ColorBalanceNode>(std::move(shape), transmittance, density, keepLuminance);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include "filters/picture/fourier.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -118,4 +119,5 @@ class CompressionNode final : public PictureNode {
 
 NodePtr makeCompressionNode(PictureShape shape, double share) { return std::make_shared<CompressionNode>(std::move(shape), share); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "filters/picture/convolution.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -77,4 +78,5 @@ Status convolve(std::span<const float> in, std::span<float> out, const PictureSh
   return columns && !ctx.stop.stopRequested() ? Status() : pictureStopped();
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 
 #include "filters/picture/picture_node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Half of a symmetric kernel, its middle first: a Gaussian of standard deviation `sigma` pixels, sampled, to 4 sigma (its variance is 0.1 % short then), of
 /// sum 1 over both halves. sigma 0: {1}.
@@ -20,4 +21,5 @@ size_t convolutionBytes(const PictureShape& shape);
 /// Time of a value.
 double convolutionNs(size_t kernel);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -2,7 +2,8 @@
 #include "filters/picture/convolution.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -32,4 +33,5 @@ class GaussianNode final : public PictureNode {
 
 NodePtr makeGaussianNode(PictureShape shape, double sigma) { return std::make_shared<GaussianNode>(std::move(shape), sigma); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include "filters/picture/picture_filters.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -98,4 +99,5 @@ class MedianNode final : public PictureNode {
 
 NodePtr makeMedianNode(PictureShape shape, int radius, double deviations) { return std::make_shared<MedianNode>(std::move(shape), radius, deviations); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "filters/picture/picture_node.h"
 #include "gobo/v1/filters.pb.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Low pass: convolution with a Gaussian of `sigma` pixels, truncated at 4 sigma. Constant pictures stay to the bit. Tileable, halo ceil(4 sigma).
 NodePtr makeGaussianNode(PictureShape shape, double sigma);
@@ -49,4 +50,5 @@ NodePtr makeResampleNode(PictureShape shape, double factor, v1::ResampleFilter::
 /// keepLuminance: divided by what it lets through of white, so that greys keep their luminance. Three channels. Tileable, halo 0.
 NodePtr makeColorBalanceNode(PictureShape shape, const std::array<double, 3>& transmittance, double density, bool keepLuminance);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include "terms/dropped_samples.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 NodeTraits PictureNode::linear(bool keepsRange) const {
   NodeTraits t;
@@ -44,4 +45,5 @@ Result<TermPtr> PictureNode::run(const RunContext& ctx) const {
   return TermPtr(ctx.result);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -12,7 +12,8 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// What a filter works on.
 struct PictureShape {
@@ -62,4 +63,5 @@ class PictureNode : public Node {
 
 inline Status pictureStopped() { return Status(Code::Cancelled, "stopped"); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

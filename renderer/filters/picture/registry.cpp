@@ -4,7 +4,8 @@
 #include "filters/picture/chain.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -78,4 +79,5 @@ const PictureFilterEntry* findPictureFilter(v1::PictureFilter::FilterCase key) {
   return nullptr;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

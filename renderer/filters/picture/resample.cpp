@@ -4,7 +4,8 @@
 
 #include "filters/picture/picture_filters.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -169,4 +170,5 @@ NodePtr makeResampleNode(PictureShape shape, double factor, v1::ResampleFilter::
   return std::make_shared<ResampleNode>(std::move(shape), factor, kernel, prefilter);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -2,7 +2,8 @@
 #include "filters/picture/convolution.h"
 #include "filters/picture/picture_filters.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -42,4 +43,5 @@ class SharpenNode final : public PictureNode {
 
 NodePtr makeSharpenNode(PictureShape shape, double sigma, double amount) { return std::make_shared<SharpenNode>(std::move(shape), sigma, amount); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include "filters/parameter.h"
 #include "terms/visibility.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 uint64_t shadowSeed(const ShadowInput& input) {
   const std::string& name = input.scene->lights[input.light].name;
@@ -37,4 +38,5 @@ const ShadowTechniqueEntry& rayTracedShadowTechnique() {
   return entry;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -4,7 +4,8 @@
 
 #include "filters/shadow_technique.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 const ShadowTechniqueEntry& rayTracedShadowTechnique();
 
@@ -12,4 +13,5 @@ const ShadowTechniqueEntry& rayTracedShadowTechnique();
 /// keeps its samples when others come and go.
 uint64_t shadowSeed(const ShadowInput& input);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

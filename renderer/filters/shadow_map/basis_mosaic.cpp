@@ -4,7 +4,8 @@
 
 #include "filters/shadow_map/shadow_map.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 class BasisMosaicNode : public Node {
@@ -65,4 +66,5 @@ class BasisMosaicNode : public Node {
 
 NodePtr makeBasisMosaicNode(int resolution, int channels, int faces) { return std::make_shared<BasisMosaicNode>(resolution, channels, faces); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

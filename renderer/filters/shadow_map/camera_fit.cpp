@@ -5,7 +5,8 @@
 #include <cmath>
 #include <vector>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 struct ClipPlane {
@@ -176,4 +177,5 @@ void fitToCamera(LightFrames& frames, const CameraFit& fit, const Vec3& lo, cons
   }
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

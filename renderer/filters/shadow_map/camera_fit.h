@@ -6,7 +6,8 @@
 
 #include "filters/shadow_map/light_frame.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct CameraFit {
   Camera camera;
@@ -32,4 +33,5 @@ Interval snappedInterval(double a, double b);
 /// narrower stays as it is, so that a camera that sees everything shares the scene's map. Faces in which the camera sees nothing lose `sees`.
 void fitToCamera(LightFrames& frames, const CameraFit& fit, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

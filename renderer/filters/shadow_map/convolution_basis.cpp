@@ -7,7 +7,8 @@
 #include "filters/parameter.h"
 #include "filters/shadow_map/shadow_basis_kernels.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 // The series in t = (z - d) / P, double.
@@ -132,4 +133,5 @@ class ConvolutionBasis final : public ShadowBasis {
 
 ShadowBasisPtr makeConvolutionBasis(const v1::ConvolutionShadow& m) { return std::make_shared<ConvolutionBasis>(m); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -5,7 +5,8 @@
 
 #include "formulas/shadow_map.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 MipLevel mipLevel(int resolution, int level) {
   MipLevel m{0, resolution};
@@ -104,4 +105,5 @@ class DepthBoundsNode : public Node {
 
 NodePtr makeDepthBoundsNode(int resolution, int faces) { return std::make_shared<DepthBoundsNode>(resolution, faces); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -9,7 +9,8 @@
 
 #include "filters/shadow_map/shadow_map.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 class DepthBounds {
  public:
@@ -55,4 +56,5 @@ class DepthBounds {
   int side_[kMaxLevels];
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

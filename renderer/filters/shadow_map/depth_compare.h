@@ -8,7 +8,8 @@
 #include "filters/shadow_map/depth_bounds.h"
 #include "filters/shadow_map/receivers.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Weights of one axis at one receiver: texels first .. first + count - 1.
 struct AxisKernel {
@@ -114,4 +115,5 @@ inline float compareKernel(const float* z, int side, const ReceiverPlane& r, con
   return lit == 0 ? 0.0f : lit == kx.count * ky.count ? 1.0f : std::min(sum, 1.0f);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "base/check.h"
 #include "filters/shadow_map/depth_raster_kernels.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 constexpr size_t kChunk = 4096;  // triangles sorted by one task
@@ -204,4 +205,5 @@ void DepthRaster::band(int b, float* z, std::vector<uint32_t>& open) const {
     if (buffer.open[i]) open.push_back(uint32_t(size_t(y0) * size_t(resolution_) + i));
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -16,7 +16,8 @@
 #include "base/task_arena.h"
 #include "filters/shadow_map/light_frame.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// One instance's triangles. All pointers must outlive the raster.
 struct RasterMesh {
@@ -64,4 +65,5 @@ class DepthRaster {
   std::vector<Chunk> chunks_;
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

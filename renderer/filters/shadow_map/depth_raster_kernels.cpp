@@ -3,7 +3,8 @@
 
 #include "formulas/shadow_map.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 inline float spanAt(const DepthSpan& s, int i) {
@@ -40,4 +41,5 @@ void resolveOrthographic(const float* __restrict q, float* __restrict z, size_t 
   }
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

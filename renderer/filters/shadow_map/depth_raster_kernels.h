@@ -6,7 +6,8 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// A triangle's q along a row: at texel i it is start + i step, limited to what its corners span.
 struct DepthSpan {
@@ -20,4 +21,5 @@ void openSpan(const float* q, uint8_t* open, size_t n, const DepthSpan& span);
 void resolvePerspective(const float* q, float* z, size_t n, float near, float scale, float nothing);
 void resolveOrthographic(const float* q, float* z, size_t n, float near, float scale, float nothing);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

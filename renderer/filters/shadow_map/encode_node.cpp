@@ -8,7 +8,8 @@
 #include "filters/shadow_map/shadow_map.h"
 #include "formulas/exponential_shadow_map.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 std::vector<float> shadowGaussian(int radius) {
   std::vector<float> weights(size_t(2 * radius + 1));
@@ -148,4 +149,5 @@ NodePtr makeShadowEncodeNode(ShadowBasisPtr basis, int blur, int resolution, int
   return std::make_shared<EncodeNode>(std::move(basis), blur, resolution, faces, bytes, std::move(device));
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -2,7 +2,8 @@
 #include "base/check.h"
 #include "filters/shadow_map/shadow_basis_kernels.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 class ExponentialBasis final : public ShadowBasis {
@@ -34,4 +35,5 @@ class ExponentialBasis final : public ShadowBasis {
 
 ShadowBasisPtr makeExponentialBasis(float c, bool logarithmic) { return std::make_shared<ExponentialBasis>(c, logarithmic); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

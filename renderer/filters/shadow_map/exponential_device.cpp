@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 constexpr uint32_t kEncodeCode[] =
@@ -116,4 +117,5 @@ Status deviceLookup(ResidentPlanes& on, const DeviceLookup& lookup, const TermPt
   return {};
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

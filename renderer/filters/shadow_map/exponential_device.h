@@ -9,7 +9,8 @@
 #include "filters/resident_planes.h"
 #include "filters/shadow_map/light_frame.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Plane B of `result` from plane z of `depth`: encode, filter rows, filter columns. B stays on the device for the lookup. Errors: those of ComputeDevice.
 Status deviceEncode(ResidentPlanes& on, const TermPtr& depth, float c, std::span<const float> weights, const std::shared_ptr<Term>& result);
@@ -23,4 +24,5 @@ struct DeviceLookup {
 Status deviceLookup(ResidentPlanes& on, const DeviceLookup& lookup, const TermPtr& map, const TermPtr& gbuffer, std::span<float> visibility,
                     const StopToken& stop);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

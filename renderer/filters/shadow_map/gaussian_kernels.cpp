@@ -5,7 +5,8 @@
 
 #include "formulas/convolution_shadow_map.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 using namespace formulas;
 
@@ -68,4 +69,5 @@ void toBytes(const float* __restrict values, uint8_t* __restrict out, size_t n) 
   for (size_t i = 0; i < n; ++i) out[i] = uint8_t(int(csmToByte(values[i])));  // through int: that conversion has a vector form
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// out[x] = sum_k weights[k] padded[x + k * step], k ascending; `padded` has n + (taps - 1) step values.
 void filterRow(const float* padded, const float* weights, int taps, size_t step, float* out, size_t n);
@@ -17,4 +18,5 @@ void filterColumnsLogarithmic(const float* const* rows, const float* weights, in
 /// Bytes of values in [-1,1] (csmToByte).
 void toBytes(const float* values, uint8_t* out, size_t n);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "trace/accel_impl.h"
 #include "trace/solid_scene.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 constexpr int kLanes = 16;
@@ -141,4 +142,5 @@ NodePtr makeLightDepthMapNode(const LightFrames& frames, int resolution, DepthMe
   return std::make_shared<LightDepthMapNode>(frames, resolution, method, clear);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

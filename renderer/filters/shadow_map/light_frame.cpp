@@ -5,7 +5,8 @@
 
 #include "scene/light_axes.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 LightFrame::Rows LightFrame::rows() const {
   const Vec2 scale = 1.0f / (hi - lo);
@@ -168,4 +169,5 @@ Result<LightFrames> fitLightFrames(const LightShape& light, const Vec3& lo, cons
   return frames;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

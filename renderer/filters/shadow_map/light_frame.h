@@ -11,7 +11,8 @@
 #include "scene/camera.h"
 #include "scene/light.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Widest half angle of a perspective map: beyond it texels at the rim grow without bound (tan), points there count as lit.
 inline constexpr float kMaxHalfAngle = 75.0f * kPi / 180.0f;
@@ -60,4 +61,5 @@ inline int cubeFace(const Vec3& p) {
 /// reach over, so that filters never meet a seam.
 Result<LightFrames> fitLightFrames(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

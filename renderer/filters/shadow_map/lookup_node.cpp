@@ -8,7 +8,8 @@
 #include "filters/shadow_map/summed_area.h"
 #include "formulas/math.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 using Settings = v1::ShadowMapSettings;
@@ -204,4 +205,5 @@ NodePtr makeShadowLookupNode(ShadowBasisPtr basis, const ShadowLookup& lookup, s
   return std::make_shared<LookupNode>(std::move(basis), lookup, std::move(device));
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

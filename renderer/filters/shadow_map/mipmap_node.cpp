@@ -8,7 +8,8 @@
 #include "filters/shadow_map/shadow_map.h"
 #include "formulas/convolution_shadow_map.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 class MipmapNode : public Node {
@@ -118,4 +119,5 @@ NodePtr makeShadowMipmapNode(ShadowBasisPtr basis, int resolution, int faces, bo
   return std::make_shared<MipmapNode>(std::move(basis), resolution, faces, bytes);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "filters/shadow_map/depth_compare.h"
 #include "filters/shadow_map/percentage_closer_kernels.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 class PercentageCloserNode : public Node {
@@ -148,4 +149,5 @@ bool readsDepthBounds(const PercentageCloserLookup& l) {
 
 NodePtr makePercentageCloserNode(const PercentageCloserLookup& lookup) { return std::make_shared<PercentageCloserNode>(lookup); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

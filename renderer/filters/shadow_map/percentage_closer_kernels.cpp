@@ -5,7 +5,8 @@
 
 #include "formulas/shadow_map.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 using formulas::absOf;
 
@@ -75,4 +76,5 @@ void bilinearComparisons(const float* __restrict z, int side, size_t faceTexels,
   }
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "filters/shadow_map/shadow_map.h"
 #include "terms/term.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct ReceiverBlock {
   static constexpr int kSize = 128;
@@ -62,4 +63,5 @@ class Receivers {
   ReceiverNeeds needs_;
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

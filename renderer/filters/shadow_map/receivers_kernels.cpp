@@ -3,7 +3,8 @@
 
 #include "formulas/shadow_map.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 using namespace formulas;
 
@@ -147,4 +148,5 @@ void Receivers::footprints(size_t begin, int count, ReceiverBlock& b) const {
   }
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "base/hash.h"
 #include "gobo/v1/filters.pb.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 class ShadowBasis {
  public:
@@ -50,4 +51,5 @@ struct ConvolutionCorrection {
 /// below 0 only (thesis 8.2.3; digest 7.3). Solved in double; errors below 1e-12.
 ConvolutionCorrection convolutionCorrection(v1::ConvolutionShadow::Correction correction, int order, double attenuation);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "formulas/moment_shadow_map.glsl.h"
 #include "formulas/variance_shadow_map.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 using namespace formulas;
 
@@ -142,4 +143,5 @@ void reconstructConvolution(const float* values, size_t stride, const float* d, 
   for (size_t i = 0; i < n; ++i) s[i] = finiteOr(base + p.scale * s[i], 1.0f);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

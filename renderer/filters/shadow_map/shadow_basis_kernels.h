@@ -6,7 +6,8 @@
 
 #include "filters/shadow_map/shadow_basis.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 inline constexpr int kMaxConvolutionOrder = 32;
 
@@ -38,4 +39,5 @@ void encodeConvolution(const float* z, float* out, size_t n, int order);
 void convolutionSeries(const float* values, size_t stride, const float* d, float* sum, size_t n, const ConvolutionParameters& p);
 void reconstructConvolution(const float* values, size_t stride, const float* d, float* s, size_t n, const ConvolutionParameters& p);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

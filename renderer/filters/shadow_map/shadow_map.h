@@ -17,11 +17,14 @@
 #include "gobo/v1/filters.pb.h"
 #include "terms/node.h"
 
-namespace gobo::inline device {
+namespace gobo {
+inline namespace device {
 class ComputeDevice;
 }
+}  // namespace gobo
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// v1::ShadowMapSettings with its defaults filled in.
 struct ShadowMapSettings {
@@ -112,4 +115,5 @@ NodePtr makePercentageCloserNode(const PercentageCloserLookup& lookup);
 /// people to look at.
 NodePtr makeBasisMosaicNode(int resolution, int channels, int faces);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

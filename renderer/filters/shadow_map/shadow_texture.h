@@ -8,7 +8,8 @@
 #include "filters/shadow_map/receivers.h"
 #include "terms/term.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 class ShadowTexture {
  public:
@@ -35,4 +36,5 @@ class ShadowTexture {
   float logarithmic_ = 0.0f;
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

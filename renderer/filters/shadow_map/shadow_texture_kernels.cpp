@@ -6,7 +6,8 @@
 #include "formulas/convolution_shadow_map.glsl.h"
 #include "formulas/shadow_map.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 using namespace formulas;
 
@@ -147,4 +148,5 @@ void ShadowTexture::anisotropic(int face, float x, float y, const Vec2& major, c
     for (int k = 0; k < count; ++k) out[k] = sum[k] / float(n);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "filters/shadow_map/shadow_map.h"
 #include "terms/term.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 class SummedArea {
  public:
@@ -30,4 +31,5 @@ class SummedArea {
   int channels_ = 0, resolution_ = 0;
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "formulas/math.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 constexpr int kLift = 8;        // texels between lifted sums
@@ -181,4 +182,5 @@ NodePtr makeShadowSummedAreaNode(ShadowBasisPtr basis, int resolution, int faces
   return std::make_shared<SummedAreaNode>(std::move(basis), resolution, faces);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

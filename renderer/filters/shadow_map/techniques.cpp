@@ -9,7 +9,8 @@
 #include "filters/parameter.h"
 #include "filters/shadow_map/camera_fit.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -236,4 +237,5 @@ Result<NodeId> planExponentialShadow(Graph& graph, const ShadowInput& input, con
   return planFiltered(graph, input, t, makeExponentialBasis(float(c), logarithmic), false, device, &e);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include "filters/shadow_map/shadow_map.h"
 #include "filters/shadow_technique.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Directional, Spot, Point, Rect, Disk, Sphere: area lights cast the hard shadow of their centre.
 bool shadowMapSupports(LightKind kind);
@@ -38,4 +39,5 @@ Result<NodeId> planExponentialShadow(Graph& graph, const ShadowInput& input, con
 Result<NodeId> planExponentialVarianceShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
 Result<NodeId> planMomentShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -3,7 +3,8 @@
 #include "filters/parameter.h"
 #include "filters/shadow_map/shadow_basis_kernels.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 class VarianceBasis final : public ShadowBasis {
@@ -61,4 +62,5 @@ ShadowBasisPtr makeVarianceBasis(const v1::VarianceShadow& m) { return std::make
 ShadowBasisPtr makeExponentialVarianceBasis(float p, float n, float v, float cut) { return std::make_shared<ExponentialVarianceBasis>(p, n, v, cut); }
 ShadowBasisPtr makeMomentBasis(const v1::MomentShadow& m) { return std::make_shared<MomentBasis>(m); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 
 #include "filters/sheared/gather_kernels.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 using sheared::Gathered;
@@ -202,4 +203,5 @@ Result<TermPtr> ShearedFilter::run(const RunContext& ctx) const {
 
 NodePtr makeShearedFilter(const ShearedFilterSettings& settings) { return std::make_shared<ShearedFilter>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -25,7 +25,8 @@
 #include "terms/light_samples.h"
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct ShearedFilterSettings {
   enum class Passes {
@@ -41,4 +42,5 @@ struct ShearedFilterSettings {
 
 NodePtr makeShearedFilter(const ShearedFilterSettings& settings);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "filters/sheared/gather_kernels.h"
 #include "formulas/axis_aligned.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 constexpr double kEnds = 20.0;           // weight of what the light's ends add; looked at: grids and two-trees, seeds 1 and 2
@@ -122,4 +123,5 @@ ShearChoice chooseShear(const double moments[4], float penumbra, float n, const 
 
 NodePtr makeShadowShear(const ShadowShearSettings& settings, const Extent& extent) { return std::make_shared<ShadowShear>(settings, extent); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

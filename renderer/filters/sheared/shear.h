@@ -12,7 +12,8 @@
 #include "terms/light_samples.h"
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct ShadowShearSettings {
   int radiusPx = 10;    ///< window of pilots
@@ -34,4 +35,5 @@ ShearChoice chooseShear(const double moments[4], float penumbra, float n, const 
 /// width of the tent, metres); both 0 where the axis-aligned filter is left alone.
 NodePtr makeShadowShear(const ShadowShearSettings& settings, const Extent& extent);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -12,7 +12,8 @@
 #include "terms/shadow_light.h"
 #include "terms/shadow_slopes.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 Result<LightSampleNodes> planLightSamples(Graph& graph, const ShadowInput& input, uint32_t pilot, uint32_t samples, int windowPx, bool keepSamples,
                                           const LightBands& bands) {
@@ -70,4 +71,5 @@ Result<NodeId> planShearedShadow(Graph& graph, const ShadowInput& input, const S
   return addShadowFilter(graph, makeShearedFilter(c), {straight, input.gbuffer, n.samples, shear, n.count}, "sheared_filter", input);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

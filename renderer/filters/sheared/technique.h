@@ -9,7 +9,8 @@
 #include "filters/shadow_technique.h"
 #include "filters/sheared/filter.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct ShearedShadowSettings {
   uint32_t samples = 16, pilot = 4;
@@ -27,4 +28,5 @@ struct LightSampleNodes {
 Result<LightSampleNodes> planLightSamples(Graph& graph, const ShadowInput& input, uint32_t pilot, uint32_t samples, int windowPx, bool keepSamples,
                                           const LightBands& bands);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -5,7 +5,8 @@
 
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 using namespace formulas;
 
@@ -46,4 +47,5 @@ void BlockerSearch::run(const SoftReceivers& receivers, const DepthBounds& bound
   w.count = blocked;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -4,7 +4,8 @@
 
 #include "filters/soft_shadow/soft_kernels.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 class BlockerSearch {
  public:
@@ -54,4 +55,5 @@ void softSums(SoftAsk ask, const SoftReceivers& receivers, const DepthBounds& bo
   }
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "base/sobol.h"
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 using namespace formulas;
 
@@ -151,4 +152,5 @@ void softProbe(const float* z, int side, const SoftPattern& pattern, bool perspe
   else taps<Pass::Probe, false>(z, side, pattern, &k);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

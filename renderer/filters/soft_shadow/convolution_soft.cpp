@@ -14,7 +14,8 @@
 #include "filters/soft_shadow/soft_receivers.h"
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 using namespace formulas;
 
@@ -186,4 +187,5 @@ class ConvolutionSoftNode : public Node {
 ShadowBasisPtr makeConvolutionSoftBasis(int order) { return std::make_shared<ConvolutionSoftBasis>(order); }
 NodePtr makeConvolutionSoftNode(const ConvolutionSoftLookup& lookup) { return std::make_shared<ConvolutionSoftNode>(lookup); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "formulas/convolution_shadow_map.glsl.h"
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 using namespace formulas;
 
@@ -75,4 +76,5 @@ void convolutionBlockers(const float* __restrict values, size_t stride, const fl
   }
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

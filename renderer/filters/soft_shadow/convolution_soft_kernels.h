@@ -4,7 +4,8 @@
 
 #include "filters/shadow_map/shadow_basis_kernels.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// 4 order + 1 values a texel: those of encodeConvolution, z times each, z.
 void encodeConvolutionSoft(const float* z, float* out, size_t n, int order);
@@ -23,4 +24,5 @@ void convolutionFull(const float* z, const float* d, float* full, size_t n, cons
 void convolutionBlockers(const float* values, size_t stride, const float* d, const float* self, const float* selfDepth, float* blocked, float* depth, size_t n,
                          const ConvolutionParameters& p);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "filters/soft_shadow/mip_chain.h"
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 using namespace formulas;
 
@@ -77,4 +78,5 @@ class ExponentialVarianceSoftNode : public Node {
 
 NodePtr makeExponentialVarianceSoftNode(const ExponentialVarianceSoftLookup& lookup) { return std::make_shared<ExponentialVarianceSoftNode>(lookup); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

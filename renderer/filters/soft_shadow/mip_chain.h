@@ -8,7 +8,8 @@
 #include "filters/shadow_map/shadow_map.h"
 #include "terms/term.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 class MipChain {
  public:
@@ -26,4 +27,5 @@ class MipChain {
   int side_[15];
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include "filters/soft_shadow/mip_chain.h"
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 MipChain::MipChain(const Term& term, int resolution)
     : texels_(term.floats("B").data()), channels_(term.channels("B")), resolution_(resolution), levels_(mipLevels(resolution)) {
@@ -60,4 +61,5 @@ void MipChain::box(int face, float x, float y, float width, float height, int co
   for (int k = 0; k < count; ++k) out[size_t(k) * stride] = sum[k];
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

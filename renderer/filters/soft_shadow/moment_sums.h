@@ -8,7 +8,8 @@
 
 #include "filters/soft_shadow/soft_receivers.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Filter, term "shadow_moment_sums": plane sums f64 x 2, (side + 1)^2 a face with zeroes in the first row and column. Input: a "light_depth_map".
 NodePtr makeMomentSumsNode(int resolution, int faces);
@@ -25,4 +26,5 @@ class MomentSums {
   size_t row_, face_;
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

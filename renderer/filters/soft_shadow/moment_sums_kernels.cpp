@@ -5,7 +5,8 @@
 #include "filters/soft_shadow/moment_sums.h"
 #include "formulas/variance_shadow_map.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 namespace {
 
 constexpr double kUnit = 1073741824.0;  // 2^30
@@ -102,4 +103,5 @@ void MomentSums::box(int face, const SoftBox& b, float& first, float& second) co
 
 NodePtr makeMomentSumsNode(int resolution, int faces) { return std::make_shared<MomentSumsNode>(resolution, faces); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

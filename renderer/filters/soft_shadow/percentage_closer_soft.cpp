@@ -6,7 +6,8 @@
 #include "filters/soft_shadow/blocker_search.h"
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 using namespace formulas;
 
@@ -68,4 +69,5 @@ class PercentageCloserSoftNode : public Node {
 
 NodePtr makePercentageCloserSoftNode(const PercentageCloserSoftLookup& lookup) { return std::make_shared<PercentageCloserSoftNode>(lookup); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 
 #include "filters/soft_shadow/soft_receivers.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Weighted by a box: its area, the part of it that blocks, and the sum of the blockers' depths.
 struct SoftSums {
@@ -49,4 +50,5 @@ void softTaps(SoftAsk ask, const float* z, int side, const SoftPattern& pattern,
 /// found in however wide a cone. Sets nearest.
 void softProbe(const float* z, int side, const SoftPattern& pattern, bool perspective, SoftTaps& taps);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "filters/soft_shadow/soft_shadow.h"
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// A box on one map face in texel edges (texel i is [i, i + 1]), inside [0, resolution].
 struct SoftBox {
@@ -81,4 +82,5 @@ void softSearches(const SoftReceivers& receivers, const DepthBounds& bounds, con
 /// What the bounds say of a box of texels: depths in [lo, hi] all blocking, none blocking, or neither.
 SoftSearch::Verdict softVerdict(const SoftBlock& b, int i, const SoftBox& box, float lo, float hi);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "formulas/soft_shadow.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 using namespace formulas;
 
@@ -255,4 +256,5 @@ void softSearches(const SoftReceivers& receivers, const DepthBounds& bounds, con
   }
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

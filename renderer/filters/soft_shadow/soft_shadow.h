@@ -26,7 +26,8 @@
 #include "filters/shadow_map/shadow_map.h"
 #include "terms/view_place.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// What soft lookups know of the light.
 struct SoftLight {
@@ -80,4 +81,5 @@ struct ExponentialVarianceSoftLookup : SoftLookup {
 /// Inputs: "gbuffer", "depth_bounds", "shadow_basis" chain of the exponential variance basis.
 NodePtr makeExponentialVarianceSoftNode(const ExponentialVarianceSoftLookup& lookup);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "filters/shadow_map/techniques.h"
 #include "filters/soft_shadow/moment_sums.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -161,4 +162,5 @@ Result<NodeId> planExponentialVarianceSoft(Graph& graph, const ShadowInput& inpu
   return addShadowFilter(graph, makeExponentialVarianceSoftNode(l), {input.gbuffer, p.bounds, chain}, "visibility", input);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "filters/shadow_technique.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Rect, Disk, Sphere and Directional (soft by ShadowInput::angularSize). Point and Spot lights have no width.
 bool softShadowSupports(LightKind kind);
@@ -17,4 +18,5 @@ Result<NodeId> planConvolutionSoft(Graph& graph, const ShadowInput& input, const
 Result<NodeId> planVarianceSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
 Result<NodeId> planExponentialVarianceSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

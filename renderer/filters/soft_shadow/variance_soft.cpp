@@ -10,7 +10,8 @@
 #include "formulas/soft_shadow.glsl.h"
 #include "formulas/variance_shadow_map.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 using namespace formulas;
 
@@ -149,4 +150,5 @@ class VarianceSoftNode : public Node {
 
 NodePtr makeVarianceSoftNode(const VarianceSoftLookup& lookup) { return std::make_shared<VarianceSoftNode>(lookup); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

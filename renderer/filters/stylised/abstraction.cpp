@@ -13,7 +13,8 @@
 #include "filters/stylised/screen_metric.h"
 #include "terms/scratch.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -202,4 +203,5 @@ class StyleAbstractionNode final : public Node {
 
 NodePtr makeStyleAbstractionNode(const StyleAbstractionSettings& settings) { return std::make_shared<StyleAbstractionNode>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -21,7 +21,8 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct StyleAbstractionSettings {
   Extent extent;
@@ -33,4 +34,5 @@ struct StyleAbstractionSettings {
 
 NodePtr makeStyleAbstractionNode(const StyleAbstractionSettings& settings);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

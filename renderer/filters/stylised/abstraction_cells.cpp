@@ -10,7 +10,8 @@
 #include "filters/stylised/averaged_distance.h"
 #include "terms/scratch.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -385,4 +386,5 @@ bool abstractByCells(const AbstractionInput& a, const TaskArena& arena, const St
 
 size_t abstractionCellBytes(size_t samples) { return samples * (kCellPlanes * sizeof(float) + 4) / 2; }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -17,7 +17,8 @@
 
 #include "filters/stylised/contour.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct AbstractionInput {
   const ContourInput& in;    ///< of one layer; no V
@@ -37,4 +38,5 @@ bool abstractByCells(const AbstractionInput& a, const TaskArena& arena, const St
 /// Of what it holds meanwhile.
 size_t abstractionCellBytes(size_t samples);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

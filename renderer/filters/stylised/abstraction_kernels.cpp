@@ -8,7 +8,8 @@
 
 #include "filters/denoise/fast_exp.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -139,4 +140,5 @@ void wholeCells(const float* __restrict f0, const float* __restrict f1, const fl
   }
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

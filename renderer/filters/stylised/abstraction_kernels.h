@@ -5,7 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// A layer, component by component. Places are in units of sigma, areas in those of its square; area 0: no sample.
 /// narrower: squares of sigma by that of the sample, where that varies; else null.
@@ -38,4 +39,5 @@ void cellsOfRows(const SurfaceRow& a, const SurfaceRow& b, size_t n, float least
 /// whole[k] = all of the four factors of samples 2k and 2k + 1.
 void wholeCells(const float* f0, const float* f1, const float* f2, const float* f3, size_t n, uint8_t* whole);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -5,7 +5,8 @@
 #include <array>
 #include <cmath>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -100,4 +101,5 @@ double averagedDistanceTo(std::span<const ContourSegment> contour, const Vec3& x
   return averagedDistance(sum, length, unit2, p, norm);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -16,7 +16,8 @@
 
 #include "filters/stylised/contour.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 enum class StyleNorm : uint8_t { Local, Published };
 
@@ -35,4 +36,5 @@ double averagedDistance(double sum, double length, double unit2, int p, StyleNor
 /// D of point x with normal n, at least 0; kStyleFar without a segment that it sees. O(segments).
 double averagedDistanceTo(std::span<const ContourSegment> contour, const Vec3& x, const Vec3& n, int p, StyleNorm norm, float cosine);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

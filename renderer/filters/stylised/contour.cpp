@@ -5,7 +5,8 @@
 
 #include "terms/term.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -148,4 +149,5 @@ Result<std::vector<ContourSegment>> extractContour(const ContourInput& in, float
   return all;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -31,11 +31,14 @@
 #include "base/task_arena.h"
 #include "base/vec.h"
 
-namespace gobo::inline terms {
+namespace gobo {
+inline namespace terms {
 class Term;
 }
+}  // namespace gobo
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct ContourSegment {
   Vec3 a{0.0f}, b{0.0f};
@@ -74,4 +77,5 @@ void extractSquare(const ContourInput& in, int x, int y, float cosine, std::vect
 Result<std::vector<ContourSegment>> extractContour(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop,
                                                    std::vector<uint32_t>* squares = nullptr);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

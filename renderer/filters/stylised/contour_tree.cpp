@@ -5,7 +5,8 @@
 #include <cmath>
 #include <numeric>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -231,4 +232,5 @@ void ContourTree::gatherFrom(const Patch& patch, const Pieces& pieces, double di
   }
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -16,7 +16,8 @@
 
 #include "filters/stylised/averaged_distance.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Sources by component, for loops over them.
 struct PatchSources {
@@ -89,4 +90,5 @@ class ContourTree {
   double angle_ = 0, error_ = 0, length_ = 0, surely_ = 2, hardly_ = -2, cubic_ = 0, safe_ = 0;
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -14,7 +14,8 @@
 #include "filters/stylised/screen_metric.h"
 #include "filters/stylised/source_sums.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -503,4 +504,5 @@ uint64_t styleDistanceTerms(const StyleDistanceSettings& settings, const Term& v
 
 NodePtr makeStyleDistanceNode(const StyleDistanceSettings& settings) { return std::make_shared<StyleDistanceNode>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

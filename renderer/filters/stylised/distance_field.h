@@ -28,7 +28,8 @@
 #include "filters/stylised/averaged_distance.h"
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct StyleDistanceSettings {
   Extent extent;
@@ -55,4 +56,5 @@ NodePtr makeStyleDistanceNode(const StyleDistanceSettings& settings);
 /// How many terms (sources at points, polynomials at points) the node adds up, for tests of what its work grows with.
 uint64_t styleDistanceTerms(const StyleDistanceSettings& settings, const Term& visibility, const Term& gbuffer, const TaskArena& arena);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -8,7 +8,8 @@
 
 #include "filters/stylised/contour.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -245,4 +246,5 @@ const char* edgeCasterPlane(int caster) {
 
 NodePtr makeEdgeMeanNode(const EdgeMeanSettings& settings) { return std::make_shared<EdgeMeanNode>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

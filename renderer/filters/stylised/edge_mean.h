@@ -19,7 +19,8 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct EdgeMeanSettings {
   Extent extent;
@@ -39,4 +40,5 @@ struct EdgePoint {
 /// The mean of the first value at x with normal n; 0 where no point is seen. For tests: term by term, without a tree.
 double edgeMeanAt(const std::vector<EdgePoint>& edge, const Vec3& x, const Vec3& n, float cosine);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "terms/gbuffer.h"
 #include "trace/view_samples.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -216,4 +217,5 @@ bool StyleLight::along(const Vec3& P, const Vec3& N, Vec3& t) const {
 
 NodePtr makeStyleElongationNode(const StyleElongationSettings& settings) { return std::make_shared<StyleElongationNode>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -25,7 +25,8 @@
 #include "terms/node.h"
 #include "terms/view_place.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Where light comes from, for a walk.
 struct StyleLight {
@@ -46,4 +47,5 @@ struct StyleElongationSettings {
 
 NodePtr makeStyleElongationNode(const StyleElongationSettings& settings);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

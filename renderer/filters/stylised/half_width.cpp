@@ -8,7 +8,8 @@
 #include "filters/stylised/averaged_distance.h"
 #include "filters/stylised/skeleton.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -139,4 +140,5 @@ class StyleKeepNode final : public Node {
 NodePtr makeStyleHalfWidthNode(const StyleHalfWidthSettings& settings) { return std::make_shared<StyleHalfWidthNode>(settings); }
 NodePtr makeStyleKeepNode(const StyleKeepSettings& settings) { return std::make_shared<StyleKeepNode>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

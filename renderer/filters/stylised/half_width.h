@@ -29,7 +29,8 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct StyleHalfWidthSettings {
   Extent extent;
@@ -45,4 +46,5 @@ struct StyleKeepSettings {
 };
 NodePtr makeStyleKeepNode(const StyleKeepSettings& settings);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "terms/hidden_surface.h"
 #include "terms/visibility.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -167,4 +168,5 @@ Status appendHiddenContours(const RunContext& ctx, const ContourInput& seen, siz
   return {};
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

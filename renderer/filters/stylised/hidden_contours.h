@@ -26,7 +26,8 @@
 #include "filters/stylised/contour.h"
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Inputs of a distance's node behind visibility and G-buffer: 2 `layers` nodes.
 std::vector<NodeId> planHiddenContours(Graph& graph, const ShadowInput& input, int layers);
@@ -40,4 +41,5 @@ inline constexpr size_t kHiddenBytes = 2 * 2 * sizeof(ContourSegment);
 /// Appends to the contour of `seen` (of view samples' layer `layer`) those of what ctx.inputs has of `layers` hidden ones. Errors: Cancelled.
 Status appendHiddenContours(const RunContext& ctx, const ContourInput& seen, size_t layer, int layers, float cosine, std::vector<ContourSegment>& contour);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

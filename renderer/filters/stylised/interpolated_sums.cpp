@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -110,4 +111,5 @@ void InterpolatedSum::fit(const std::array<double, kNodes>& values) {
     }
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

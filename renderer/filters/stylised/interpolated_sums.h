@@ -12,7 +12,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct PlaneRectangle {
   DVec3 centre{0.0}, s{1, 0, 0}, t{0, 1, 0};  ///< unit, at right angles
@@ -39,4 +40,5 @@ struct InterpolatedSum {
   void fit(const std::array<double, kNodes>& values);
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

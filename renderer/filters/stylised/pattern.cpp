@@ -6,7 +6,8 @@
 
 #include "formulas/stylised_shadow.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -107,4 +108,5 @@ float patternAt(StylePattern pattern, float spacing, float angle, float x, float
 
 NodePtr makeStylePatternNode(const StylePatternSettings& settings) { return std::make_shared<StylePatternNode>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -19,7 +19,8 @@
 #include "terms/node.h"
 #include "terms/view_place.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 enum class StylePattern : uint8_t { Hatching, CrossHatching, Stippling };
 
@@ -38,4 +39,5 @@ NodePtr makeStylePatternNode(const StylePatternSettings& settings);
 /// Share of the pixel about (x, y) that is drawn where the tone asks for `coverage` 0..1.
 float patternAt(StylePattern pattern, float spacing, float angle, float x, float y, float coverage);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

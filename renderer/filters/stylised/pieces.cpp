@@ -5,7 +5,8 @@
 #include <cmath>
 #include <complex>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -157,4 +158,5 @@ double distanceToTarget(const ShadowPiece& piece, const DVec3& x) {
   return away > 0 ? std::hypot(std::max(flat, 0.0), away) : flat;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -16,7 +16,8 @@
 #include "filters/stylised/surface_links.h"
 #include "filters/stylised/target_shape.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct ShadowPiece {
   TargetShape shape;
@@ -43,4 +44,5 @@ Result<ShadowPieces> shadowPieces(const ContourInput& in, const SurfaceLinks& li
 /// Signed distance from x to a piece's target in the world: within `thickness` of its plane that in the plane, elsewhere that to the flat shape, positive.
 double distanceToTarget(const ShadowPiece& piece, const DVec3& x);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

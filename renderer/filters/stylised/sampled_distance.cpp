@@ -9,7 +9,8 @@
 #include "filters/stylised/sampled_sums.h"
 #include "filters/stylised/screen_metric.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -92,4 +93,5 @@ class SampledDistanceNode final : public Node {
 
 NodePtr makeSampledDistanceNode(const SampledDistanceSettings& settings) { return std::make_shared<SampledDistanceNode>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

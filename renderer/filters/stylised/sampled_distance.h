@@ -20,7 +20,8 @@
 #include "filters/stylised/distance_field.h"
 #include "terms/view_place.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct SampledDistanceSettings {
   StyleDistanceSettings distance;
@@ -31,4 +32,5 @@ struct SampledDistanceSettings {
 
 NodePtr makeSampledDistanceNode(const SampledDistanceSettings& settings);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

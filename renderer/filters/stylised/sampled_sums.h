@@ -17,7 +17,8 @@
 
 #include "filters/stylised/contour.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct SampledSum {
   double unit2 = 0;   ///< square of the distance of the nearest point that is seen; 0: the point lies on the contour, and sum is of no use
@@ -44,4 +45,5 @@ class ContourPoints {
   double length_ = 0;
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "base/sobol.h"
 #include "filters/stylised/sampled_sums.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -80,4 +81,5 @@ SampledSum ContourPoints::sum(const Vec3& x, const Vec3& n, int p, float cosine,
   return out;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

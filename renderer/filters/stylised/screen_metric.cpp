@@ -3,7 +3,8 @@
 
 #include "terms/term.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 PictureSurface::PictureSurface(int width, int height, float pixel) {
   const size_t w = size_t(width), count = w * size_t(height);
@@ -39,4 +40,5 @@ const ContourInput& PictureSurface::visible(const Term& visibility, const Term& 
   return input_;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

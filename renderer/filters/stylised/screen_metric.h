@@ -13,7 +13,8 @@
 
 #include "filters/stylised/contour.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 class PictureSurface {
  public:
@@ -33,4 +34,5 @@ class PictureSurface {
   ContourInput input_;
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include <limits>
 #include <queue>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -124,4 +125,5 @@ Status shadowSkeleton(const ContourInput& in, const SurfaceLinks& links, std::sp
   return thinHomotopically(links, anchor, r, stop) ? Status() : stopped;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -15,7 +15,8 @@
 
 #include "filters/stylised/surface_links.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Of one layer. `D`, `r`: width * height. Errors: Cancelled.
 Status shadowSkeleton(const ContourInput& in, const SurfaceLinks& links, std::span<const float> D, std::span<float> r, const StopToken& stop);
@@ -23,4 +24,5 @@ Status shadowSkeleton(const ContourInput& in, const SurfaceLinks& links, std::sp
 /// Whether a pixel may change sides without changing connections: bits of shadowed neighbours as in kAround, shadow connected by eight, light by four.
 bool isSimplePoint(uint8_t shadowed);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "filters/stylised/contour_tree.h"
 #include "filters/stylised/interpolated_sums.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 inline constexpr size_t kPatchPoints = 64;
 
@@ -75,4 +76,5 @@ void boundsOf(const SurfacePatch& p, const Vec3& from, const Vec3& axis, float& 
 /// sum[k] of the polynomials at places u, v of -1 .. 1; n is a multiple of kLanes.
 void interpolated(const InterpolatedSum& of, const float* u, const float* v, size_t n, float* sum);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

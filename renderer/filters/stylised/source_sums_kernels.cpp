@@ -6,7 +6,8 @@
 #include "filters/stylised/source_sums.h"
 #include "formulas/math.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -259,4 +260,5 @@ void boundsOf(const SurfacePatch& p, const Vec3& from, const Vec3& axis, float& 
   least = *std::min_element(low, low + kLanes);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -21,7 +21,8 @@
 #include "filters/stylised/transfer.h"
 #include "terms/occluder_distance.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -289,4 +290,5 @@ Result<NodeId> planStyleDistance(Graph& graph, NodeId styled) {
   return graph.add(std::move(window));
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "filters/shadow_technique.h"
 #include "filters/stylised/style_formulas.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// `v`: term with plane V. `formulas`: of fields that vary from place to place. Returns the node whose term has the styled V of as many channels.
 NodeId planStyle(Graph& graph, const ShadowInput& input, NodeId v, const v1::ShadowStyle& style, const StyleFormulas& formulas = {});
@@ -17,4 +18,5 @@ NodeId planStyle(Graph& graph, const ShadowInput& input, NodeId v, const v1::Sha
 /// where there is no contour. Of several levels that of the middle one. Errors: InvalidArgument: the light has no style.
 Result<NodeId> planStyleDistance(Graph& graph, NodeId styled);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

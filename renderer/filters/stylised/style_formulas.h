@@ -9,7 +9,8 @@
 
 #include "filters/formula/formula.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// What formulas may read, in the order of their evaluators. time: seconds; distance: metres between the shadow's edge near by and what casts it, 0 where no
 /// edge is seen; depth: metres from the camera; x, y, z: the place, metres; nx, ny, nz: its unit normal; edge: signed distance to the shadow's edge after
@@ -57,4 +58,5 @@ struct StyleFormulas {
   }
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -84,4 +85,5 @@ class StyleLevelsNode final : public FoldNode {
 
 NodePtr makeStyleLevelsNode(const Extent& extent, int levels, bool coloured) { return std::make_shared<StyleLevelsNode>(extent, levels, coloured); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -14,9 +14,11 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// `levels` at least 1.
 NodePtr makeStyleLevelsNode(const Extent& extent, int levels, bool coloured);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

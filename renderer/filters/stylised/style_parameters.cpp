@@ -9,7 +9,8 @@
 
 #include "filters/stylised/edge_mean.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -154,4 +155,5 @@ NodePtr makeStyleParametersNode(const Extent& extent, StyleFormulaList formulas,
   return std::make_shared<StyleParametersNode>(extent, std::move(formulas), time);
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -13,9 +13,11 @@
 #include "filters/stylised/style_formulas.h"
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Abstraction reads no edge and is made before it: the caller plans it apart from the others. `formulas` is not empty.
 NodePtr makeStyleParametersNode(const Extent& extent, StyleFormulaList formulas, double time);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "filters/stylised/surface_march.h"
 #include "filters/stylised/unfolded_links.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -79,4 +80,5 @@ class SurfaceDistanceNode final : public Node {
 
 NodePtr makeSurfaceDistanceNode(const StyleDistanceSettings& settings) { return std::make_shared<SurfaceDistanceNode>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

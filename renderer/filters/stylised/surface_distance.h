@@ -17,9 +17,11 @@
 
 #include "filters/stylised/distance_field.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// Of the settings extent, angle, level and levels count.
 NodePtr makeSurfaceDistanceNode(const StyleDistanceSettings& settings);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

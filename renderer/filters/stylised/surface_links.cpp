@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "filters/stylised/surface_links.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 Result<SurfaceLinks> SurfaceLinks::of(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop) {
   SurfaceLinks links;
@@ -27,4 +28,5 @@ Result<SurfaceLinks> SurfaceLinks::of(const ContourInput& in, float cosine, cons
   return links;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

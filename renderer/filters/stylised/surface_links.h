@@ -12,7 +12,8 @@
 
 #include "filters/stylised/contour.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct RasterStep {
   int x, y;
@@ -70,4 +71,5 @@ bool sweepLinks(const SurfaceLinks& links, const StopToken& stop, const Take& ta
   return true;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -5,7 +5,8 @@
 
 #include "filters/stylised/unfolded_links.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -242,4 +243,5 @@ Result<std::vector<double>> marchSurface(const ContourInput& in, std::span<const
   return march.take();
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

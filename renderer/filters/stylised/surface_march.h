@@ -26,7 +26,8 @@
 
 #include "filters/stylised/contour.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 /// `links`: surfaceLinks(in). `contour`, `squares`: extractContour(in). D of each sample: at least 0, infinite where no contour can be reached. Errors:
 /// Cancelled.
@@ -36,4 +37,5 @@ Result<std::vector<double>> marchSurface(const ContourInput& in, std::span<const
 /// Bytes a sample that it holds at once, its result among them.
 inline constexpr size_t kMarchBytes = 8 + 5 * 4 + 1;
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "filters/stylised/distance_field.h"
 #include "filters/stylised/pieces.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -149,4 +150,5 @@ class StyleTargetNode final : public Node {
 
 NodePtr makeStyleTargetNode(const StyleTargetSettings& settings) { return std::make_shared<StyleTargetNode>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -20,7 +20,8 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 struct StyleTargetSettings {
   Extent extent;
@@ -30,4 +31,5 @@ struct StyleTargetSettings {
 
 NodePtr makeStyleTargetNode(const StyleTargetSettings& settings);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "base/check.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -93,4 +94,5 @@ double TargetShape::distance(double u, double v) const {
   return most;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

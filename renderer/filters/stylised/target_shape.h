@@ -13,7 +13,8 @@
 
 #include <array>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 class TargetShape {
  public:
@@ -40,4 +41,5 @@ class TargetShape {
   std::array<float, kDirections> phi_{}, cos_{}, sin_{}, h_{};  ///< of A or B, whichever is larger
 };
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "filters/stylised/transfer_kernels.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -168,4 +169,5 @@ class StyleTransferNode final : public Node {
 
 NodePtr makeStyleTransferNode(const StyleTransferSettings& settings) { return std::make_shared<StyleTransferNode>(settings); }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

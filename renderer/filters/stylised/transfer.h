@@ -18,7 +18,8 @@
 
 #include "terms/node.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 enum class StyleTransition : uint8_t { Smoothstep, Quintic, Staircase, Curve };
 
@@ -44,4 +45,5 @@ struct StyleTransferSettings {
 
 NodePtr makeStyleTransferNode(const StyleTransferSettings& settings);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

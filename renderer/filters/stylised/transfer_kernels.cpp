@@ -5,7 +5,8 @@
 
 #include "formulas/stylised_shadow.glsl.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 void styleRun(const float* __restrict D, size_t count, const StyleTransferSettings& s, float* __restrict V) {
   const float inflation = s.inflation, softness = s.softness, brightness = s.brightness, steps = float(s.steps);
@@ -31,4 +32,5 @@ void styleRun(const float* __restrict D, size_t count, const StyleTransferSettin
   }
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

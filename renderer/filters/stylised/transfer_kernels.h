@@ -6,8 +6,10 @@
 
 #include "filters/stylised/transfer.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 void styleRun(const float* D, size_t count, const StyleTransferSettings& s, float* V);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

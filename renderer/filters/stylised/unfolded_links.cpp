@@ -3,7 +3,8 @@
 
 #include <cmath>
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 namespace {
 
@@ -70,4 +71,5 @@ Result<std::vector<uint8_t>> surfaceLinks(const ContourInput& in, float cosine, 
   return links;
 }
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -24,7 +24,8 @@
 
 #include "filters/stylised/surface_links.h"
 
-namespace gobo::inline filters {
+namespace gobo {
+inline namespace filters {
 
 inline constexpr float kCreaseReach = 16.0f;  ///< of a pixel's width
 
@@ -35,4 +36,5 @@ double surfaceStep(const ContourInput& in, size_t e, size_t f);
 /// Of each sample a bit for each neighbour (kAround) that it is linked with. Errors: Cancelled.
 Result<std::vector<uint8_t>> surfaceLinks(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop);
 
-}  // namespace gobo::inline filters
+}  // namespace filters
+}  // namespace gobo

@@ -6,7 +6,8 @@
 #include "import/gltf/document.h"
 #include "scene/mipmap.h"
 
-namespace gobo::inline imports {
+namespace gobo {
+inline namespace imports {
 namespace {
 
 Result<ScenePtr> load(const std::string& path, const LoadOptions& options) {
@@ -70,4 +71,5 @@ Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options) {
   return scene;
 }
 
-}  // namespace gobo::inline imports
+}  // namespace imports
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "scene/mesh_filters/numbering.h"
 #include "scene/mesh_filters/quadric.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 namespace {
 
@@ -236,4 +237,5 @@ bool mergeClusters(const VertexClusters& clusters, Mesh& mesh, WeldedMesh& welde
   return !stop.stopRequested();
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "scene/mesh_filters/weld.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 struct VertexClusters {
   double side = 0.0;                  ///< m
@@ -24,4 +25,5 @@ bool clusterPoints(const WeldedMesh& mesh, const PointGraph& graph, double side,
 /// crease stay apart. A mesh without attributes has one vertex a cube. `mesh` and `welded` become those that are left. False after `stop`.
 bool mergeClusters(const VertexClusters& clusters, Mesh& mesh, WeldedMesh& welded, const StopToken& stop);
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -12,7 +12,8 @@
 #include "scene/mesh_filters/quadric.h"
 #include "scene/mesh_filters/smooth.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 namespace {
 
@@ -98,4 +99,5 @@ Result<FilteredMesh> filterMesh(const MeshPtr& mesh, const MeshFilter& filter, c
   return FilteredMesh{FilteredMesh::End::Made, std::move(made)};
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

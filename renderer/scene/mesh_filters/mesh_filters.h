@@ -11,7 +11,8 @@
 #include "base/stop.h"
 #include "scene/mesh_view.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 using MeshPtr = std::shared_ptr<const Mesh>;
 
@@ -51,4 +52,5 @@ struct FilteredMesh {
 /// passes; docs/mesh_filters.md has times. One thread, float64 inside; every loop polls `stop`: Cancelled.
 Result<FilteredMesh> filterMesh(const MeshPtr& mesh, const MeshFilter& filter, const StopToken& stop = {});
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -5,7 +5,8 @@
 
 #include "scene/mesh_filters/numbering.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 bool joinSimilarNormals(const Mesh& mesh, const WeldedMesh& welded, const std::function<void(uint32_t, uint32_t)>& join, const StopToken& stop) {
   const size_t n = welded.pointOf.size(), points = welded.points.size();
@@ -82,4 +83,5 @@ bool turnNormals(Mesh& mesh, const WeldedMesh& welded, const std::vector<DVec3>&
   return true;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

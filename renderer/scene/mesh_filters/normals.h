@@ -7,7 +7,8 @@
 
 #include "scene/mesh_filters/weld.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// Vertices of one point whose normals differ by less than this share a side of the surface: 2.6 degrees, above the rounding of normals in 8 bits.
 inline constexpr float kSameSide = 0.999f;
@@ -25,4 +26,5 @@ DVec3 turned(const DVec3& v, const DVec3& from, const DVec3& to);
 /// their side of the surface. A side without area, before or after, keeps what it has. Arrays that are empty stay so. False after `stop`.
 bool turnNormals(Mesh& mesh, const WeldedMesh& welded, const std::vector<DVec3>& before, const glm::dmat3& stretch, const StopToken& stop);
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

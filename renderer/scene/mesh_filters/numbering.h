@@ -7,7 +7,8 @@
 #include <cstdint>
 #include <vector>
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// Steps between two looks at a stop token: about a tenth of a millisecond of the dearest of them.
 inline constexpr size_t kFilterPoll = 1024;
@@ -65,4 +66,5 @@ class Numbering {
   std::vector<Key> keys_;
 };
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

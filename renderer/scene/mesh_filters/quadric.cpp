@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 SymmetricEigen symmetricEigen(glm::dmat3 m) {
   glm::dmat3 v(1.0);
@@ -62,4 +63,5 @@ DVec3 leastInBox(const Quadric& q, const DVec3& near, const DVec3& centre, doubl
   return near + way * share;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

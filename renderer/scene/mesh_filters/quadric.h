@@ -4,7 +4,8 @@
 
 #include "base/vec.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 /// m = sum over k of value[k] * vector[k] vector[k]^T, vectors orthonormal. Cyclic Jacobi, to rounding. `m` must be symmetric and finite.
 struct SymmetricEigen {
@@ -33,4 +34,5 @@ DVec3 leastNear(const Quadric& q, const DVec3& near);
 /// still better than `near` since the quadric is convex.
 DVec3 leastInBox(const Quadric& q, const DVec3& near, const DVec3& centre, double half);
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

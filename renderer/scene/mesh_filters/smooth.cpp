@@ -3,7 +3,8 @@
 
 #include "scene/mesh_filters/numbering.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 bool smoothPoints(std::vector<DVec3>& points, const PointGraph& graph, uint32_t passes, double step, double out, const StopToken& stop) {
   std::vector<DVec3> moved(points.size());
@@ -23,4 +24,5 @@ bool smoothPoints(std::vector<DVec3>& points, const PointGraph& graph, uint32_t 
   return true;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -7,7 +7,8 @@
 
 #include "scene/mesh_filters/weld.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 inline constexpr double kPassBand = 0.1;
 
@@ -18,4 +19,5 @@ bool smoothPoints(std::vector<DVec3>& points, const PointGraph& graph, uint32_t 
 /// Taubin's step out for a step in: 1 / step + 1 / -out = kPassBand.
 constexpr double taubinStepOut(double step) { return step / (1.0 - kPassBand * step); }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

@@ -6,7 +6,8 @@
 
 #include "scene/mesh_filters/numbering.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 bool weld(const Mesh& mesh, const glm::dmat3& stretch, const StopToken& stop, WeldedMesh& out) {
   const size_t n = mesh.positions.size();
@@ -131,4 +132,5 @@ bool pointNormals(const WeldedMesh& mesh, const StopToken& stop, std::vector<DVe
   return true;
 }
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

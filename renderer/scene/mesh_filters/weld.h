@@ -7,7 +7,8 @@
 #include "base/stop.h"
 #include "scene/mesh_view.h"
 
-namespace gobo::inline scene {
+namespace gobo {
+inline namespace scene {
 
 inline constexpr uint32_t kNoPoint = ~0u;
 
@@ -45,4 +46,5 @@ bool pointNormals(const WeldedMesh& mesh, const StopToken& stop, std::vector<DVe
 /// What a corner adds to a normal there: the triangle's unit normal times its angle; zero if the triangle has no area.
 DVec3 cornerNormal(const DVec3& at, const DVec3& next, const DVec3& last);
 
-}  // namespace gobo::inline scene
+}  // namespace scene
+}  // namespace gobo

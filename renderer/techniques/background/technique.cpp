@@ -7,7 +7,8 @@
 #include "techniques/path_traced/trace_paths.h"
 #include "terms/path_trace.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 namespace {
 
@@ -41,4 +42,5 @@ const Technique& background() {
   return technique;
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

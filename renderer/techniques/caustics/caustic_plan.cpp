@@ -6,7 +6,8 @@
 
 #include "trace/sample_passes.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 // Photons have specular chains alone: the plan looks for nothing else.
 static_assert(!photonReaches(LightShape{}, Receiver::Surface, Passage::Boundary) && !photonReaches(LightShape{}, Receiver::Surface, Passage::Pane));
@@ -78,4 +79,5 @@ std::string causticNote(const CausticPlan& plan, uint32_t passes) {
   return note;
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "request/material_kinds.h"
 #include "trace/photon_tracer.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 struct CausticPlan {
   uint32_t photons = 0;  ///< 0: none are made
@@ -34,4 +35,5 @@ std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveSc
 /// What is wrong with `passes` passes, for reports.
 std::string causticNote(const CausticPlan& plan, uint32_t passes);
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

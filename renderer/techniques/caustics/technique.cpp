@@ -6,7 +6,8 @@
 #include "techniques/path_traced/trace_paths.h"
 #include "terms/caustics.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 namespace {
 
@@ -49,4 +50,5 @@ const Technique& causticPhotons() {
   return technique;
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

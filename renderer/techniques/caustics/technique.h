@@ -4,8 +4,10 @@
 
 #include "technique/technique.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 const Technique& causticPhotons();
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

@@ -3,7 +3,8 @@
 
 #include "filters/picture/chain.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 NodeId planFilteredVisibility(PlanContext& c, NodeId v, const std::string& light) {
   const std::string term = "visibility:" + light;
@@ -15,4 +16,5 @@ NodeId planFilteredVisibility(PlanContext& c, NodeId v, const std::string& light
   return addChain(c.graph(), v, chain, shape, term);
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

@@ -6,9 +6,11 @@
 
 #include "technique/plan_context.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 /// `v`, a term with plane "V" of the light that requests know as `light`, behind the filters of visibility:LIGHT; shares stay shares. v: there are none.
 NodeId planFilteredVisibility(PlanContext& context, NodeId v, const std::string& light);
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "techniques/path_traced/technique.h"
 #include "techniques/path_traced/trace_paths.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 namespace {
 
@@ -98,4 +99,5 @@ const Technique& directVisibility() {
   return technique;
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

@@ -12,7 +12,8 @@
 #include "filters/tinted_visibility.h"
 #include "request/expressions.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 namespace {
 
@@ -190,4 +191,5 @@ NodeId planUnoccluded(PlanContext& c, int light, const ScenePtr& scene, const Ve
                   transient);
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

@@ -7,7 +7,8 @@
 #include "gobo/v1/filters.pb.h"
 #include "technique/plan_context.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 /// The technique for light `light` of `scene`, which requests know as `name`. What cannot do the light or the view falls back, with a warning:
 /// one that no visibility technique (path_traced) stays what it is.
@@ -20,4 +21,5 @@ Result<NodeId> planVisibility(PlanContext& context, int light, const ScenePtr& s
 /// Term with plane "L": what the light sends to the camera by one scattering event if nothing is in the way, at power `nominal`.
 NodeId planUnoccluded(PlanContext& context, int light, const ScenePtr& scene, const Vec3& nominal, bool transient = false, LobePart lobe = LobePart::Both);
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

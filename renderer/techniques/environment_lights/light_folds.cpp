@@ -7,7 +7,8 @@
 #include "filters/shadow_technique.h"
 #include "techniques/direct_visibility/visibility.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 namespace {
 constexpr uint64_t kKeptBytes = uint64_t(256) << 20;
@@ -38,4 +39,5 @@ Status foldLights(PlanContext& c, const ScenePtr& extended, int first, const Vec
   return {};
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

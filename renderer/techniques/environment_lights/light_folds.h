@@ -7,11 +7,13 @@
 
 #include "technique/plan_context.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 /// Lights `first` to the last of `extended`, at their powers times `nominal`; `group` is the map's. Shadows: what the request names for the light
 /// "environment", else `samples` rays. Their terms are kept while all of them take up at most 256 MB.
 Status foldLights(PlanContext& context, const ScenePtr& extended, int first, const Vec3& nominal, int group, uint32_t samples,
                   const std::vector<LobePart>& lobes);
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

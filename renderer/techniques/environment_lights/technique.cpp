@@ -12,7 +12,8 @@
 #include "terms/area_light_list.h"
 #include "terms/extract_lights.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 namespace {
 
@@ -120,4 +121,5 @@ const Technique& environmentLights() {
   return technique;
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

@@ -5,8 +5,10 @@
 
 #include "technique/technique.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 const Technique& environmentLights();
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

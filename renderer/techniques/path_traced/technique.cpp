@@ -6,7 +6,8 @@
 #include "techniques/path_traced/trace_paths.h"
 #include "trace/reach.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 namespace {
 
@@ -81,4 +82,5 @@ const Technique& clusterDifferences() {
   return technique;
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

@@ -5,10 +5,12 @@
 
 #include "technique/technique.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 const Technique& pathTraced();
 /// Edits of lights inside a cluster, as differences to what the cluster holds (request/effective_scene.h, gainChanges).
 const Technique& clusterDifferences();
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

@@ -10,7 +10,8 @@
 #include "trace/reach.h"
 #include "trace/sample_passes.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 namespace {
 
@@ -190,4 +191,5 @@ Status traceUnlit(PlanContext& c) {
   return addPathTrace(c, job);
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

@@ -9,7 +9,8 @@
 #include "technique/plan_context.h"
 #include "trace/path_tracer.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 /// Of the request: camera, size, bounces, seed. Groups are the caller's.
 PathTracerSettings pathTracerSettings(const PlanContext& context, PathClass cover);
@@ -26,4 +27,5 @@ Result<NodeId> traceSeen(PlanContext& context, int light, const Vec3& nominal, c
 /// What unlit surfaces show, which is no light's.
 Status traceUnlit(PlanContext& context);
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

@@ -8,7 +8,8 @@
 #include "techniques/subtractive/scene_lights.h"
 #include "techniques/subtractive/technique.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 namespace {
 
@@ -120,4 +121,5 @@ const Technique& subtractiveLights() {
   return technique;
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

@@ -16,7 +16,8 @@
 #include "techniques/transfer/nodes.h"
 #include "techniques/transfer/split_lights.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 namespace {
 
@@ -156,4 +157,5 @@ const Technique& subtractiveShadows() {
   return technique;
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

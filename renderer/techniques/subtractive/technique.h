@@ -12,9 +12,11 @@
 
 #include "technique/technique.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 const Technique& subtractiveShadows();
 const Technique& subtractiveLights();
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

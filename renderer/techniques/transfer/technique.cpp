@@ -10,7 +10,8 @@
 #include "techniques/transfer/split_lights.h"
 #include "trace/surface.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 namespace {
 
@@ -132,4 +133,5 @@ const Technique& environmentTransfer() {
   return technique;
 }
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo

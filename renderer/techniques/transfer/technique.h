@@ -6,8 +6,10 @@
 
 #include "technique/technique.h"
 
-namespace gobo::inline techniques {
+namespace gobo {
+inline namespace techniques {
 
 const Technique& environmentTransfer();
 
-}  // namespace gobo::inline techniques
+}  // namespace techniques
+}  // namespace gobo
