@@ -156,7 +156,7 @@ class ShadowProbeNode final : public Node {
     rays += uint64_t(count);
     bool open[16] = {}, shut[16] = {};
     for (int k = 0; k < (light.pointLike() ? 1 : 2); ++k) {
-      int of[16], waiting = 0;
+      int of[16] = {}, waiting = 0;
       for (int i = 0; i < count; ++i) {
         if (!at.hit(size_t(i))) continue;
         const uint64_t place = uint64_t(pixels[size_t(i)].y) * uint64_t(s_.width) + uint64_t(pixels[size_t(i)].x);
@@ -227,7 +227,7 @@ class ShadowProbeNode final : public Node {
   /// Whether a point-like light can shine on surfaces first .. first + count - 1 (at most 16), and does.
   static void open(const SolidScene& scene, const LightPoints& light, const Surfaces& at, size_t first, int count, float* V, bool* can, uint64_t& rays) {
     Ray ray[16];
-    int of[16], waiting = 0;
+    int of[16] = {}, waiting = 0;
     for (int i = 0; i < count; ++i) {
       const size_t e = first + size_t(i);
       LightPoint point;

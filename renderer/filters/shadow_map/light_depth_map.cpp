@@ -20,7 +20,7 @@ void traceTexels(const SolidScene& scene, const LightFrame& f, int resolution, c
   const float scale = 1.0f / (f.far - f.near), texel = 1.0f / float(resolution);
   Ray ray[kLanes];
   Hit hit[kLanes];
-  float start[kLanes], cosine[kLanes];
+  float start[kLanes] = {}, cosine[kLanes] = {};
   for (int i = 0; i < count; ++i)
     ray[i] = f.ray((float(texels[i] % uint32_t(resolution)) + 0.5f) * texel, (float(texels[i] / uint32_t(resolution)) + 0.5f) * texel, start[i], cosine[i]);
   scene.intersect16(ray, count, hit);
