@@ -13,7 +13,6 @@
 #include "measure/report.h"
 #include "plan/engine.h"
 #include "request/request.h"
-#include "terms/fresh_memory.h"
 
 namespace {
 
@@ -83,7 +82,6 @@ int main(int argc, char** argv) {
   t.note("size", std::to_string(width) + "x" + std::to_string(height));
   t.note("threads", double((*engine)->threads()));
   t.note("first render ms", first->reply.total_ms());
-  t.note("fresh memory, ms a MiB", freshMemoryMsPerMiB());
   t.add({std::string("one memory pass over the same terms"), floor, 1.0});
   t.add({std::string("composite node"), median(composite), median(composite) / floor});
   t.add({std::string("whole request: resolve, plan, keys, composite, finite check"), median(edit), median(edit) / floor});

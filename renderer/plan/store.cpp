@@ -13,7 +13,7 @@ static int64_t wallMicros() {
   return int64_t(std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count());
 }
 
-TermStore::TermStore(uint64_t maxBytes, std::unique_ptr<DiskStore> disk, double (*fresh)()) : maxBytes_(maxBytes), fresh_(fresh), disk_(std::move(disk)) {
+TermStore::TermStore(uint64_t maxBytes, std::unique_ptr<DiskStore> disk) : maxBytes_(maxBytes), disk_(std::move(disk)) {
   if (disk_)
     for (const StoredTerm& row : disk_->list())
       if (row.pinned) pins_.insert(row.key);
@@ -22,8 +22,9 @@ TermStore::~TermStore() = default;
 
 static std::string variantsOf(const TermNote& note) { return note.label + '\n' + note.scene; }
 
-bool TermStore::isCheap(const TermNote& note, uint64_t bytes) const {
-  return !note.label.empty() && bytes >= kCheapBytes && note.ms <= cheapMsPerMiB(fresh_()) * double(bytes) / double(1 << 20);
+static bool isCheap(const TermNote& note, const Term& term) {
+  const double mib = double(term.bytes()) / double(1 << 20), fresh = double(term.freshBytes()) / double(1 << 20);
+  return !note.label.empty() && term.bytes() >= TermStore::kCheapBytes && note.ms <= TermStore::kCheapMsPerMiB * mib + TermStore::kFreshMsPerMiB * fresh;
 }
 
 void TermStore::boundVariants(Entry& added, std::vector<TermPtr>& gone) {
@@ -63,13 +64,14 @@ void TermStore::setPinned(Entries::iterator at, bool pinned) {
 void TermStore::insert(const Hash128& key, TermPtr term, const TermNote& note, std::vector<TermPtr>& gone) {
   if (const auto old = index_.find(key); old != index_.end()) remove(old->second, gone);
   const uint64_t bytes = term->bytes();
+  const bool cheap = isCheap(note, *term);
   if (bytes > maxBytes_ - pinnedBytes_) return;
   while (bytes_ + bytes > maxBytes_) remove(std::prev(lru_.end()), gone);
   lru_.push_front({key, std::move(term), bytes, wallMicros(), note});
   index_[key] = lru_.begin();
   bytes_ += bytes;
   if (pins_.count(key) && pinnedBytes_ + bytes <= maxBytes_ / 2) setPinned(lru_.begin(), true);
-  if (isCheap(note, bytes)) boundVariants(*index_[key], gone);
+  if (cheap) boundVariants(*index_[key], gone);
 }
 
 TermPtr TermStore::get(const Hash128& key, Tier* from, const StopToken& stop) {

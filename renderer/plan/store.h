@@ -5,7 +5,6 @@
 // for fresh pages with every picture, several times what computing it takes, to keep what nobody asks for again.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <list>
@@ -19,7 +18,6 @@
 #include "base/status.h"
 #include "base/stop.h"
 #include "plan/term_note.h"
-#include "terms/fresh_memory.h"
 #include "terms/term.h"
 
 namespace gobo {
@@ -27,22 +25,22 @@ inline namespace plan {
 
 class DiskStore;  // plan/disk_store.h
 
-/// Milliseconds a MiB up to which a term counts as cheaply made, on a machine whose fresh memory takes `fresh` of them: its time has that in it, once.
-constexpr double cheapMsPerMiB(double fresh) { return std::max(2.0, 1.5 * fresh); }
-
 class TermStore {
  public:
-  /// `fresh`: milliseconds of a MiB of fresh memory now.
-  explicit TermStore(uint64_t maxBytes, std::unique_ptr<DiskStore> disk = nullptr, double (*fresh)() = freshMemoryMsPerMiB);
+  explicit TermStore(uint64_t maxBytes, std::unique_ptr<DiskStore> disk = nullptr);
   ~TermStore();
   enum class Tier { None, Memory, Disk };
   /// The term, or null. `from` says which tier had it; a disk hit moves it into RAM. Null, too, when `stop` ended the reading of a file.
   TermPtr get(const Hash128& key, Tier* from = nullptr, const StopToken& stop = {});
   /// Where get() would find it; reads nothing, and a damaged file is found out by get() alone.
   Tier holds(const Hash128& key) const;
-  /// Of large terms whose making took at most cheapMsPerMiB: those of one label and scene that stay. Two clients, two settings each.
+  /// Of large terms that are cheaply made: those of one label and scene that stay. Two clients, two settings each.
   static constexpr size_t kCheapVariants = 4;
   static constexpr uint64_t kCheapBytes = 4ull << 20;  ///< from here on terms have blocks of their own (ZeroedBytes)
+  static constexpr double kCheapMsPerMiB = 2.0;        ///< of what is made into memory that was used before
+  /// What the system may take for a MiB of fresh memory (0.2 to 8 on virtual machines whose free pages go back to their host): no work of the node. One that is
+  /// taken for cheap because of it is measured without it as soon as the memory of its first variants comes back.
+  static constexpr double kFreshMsPerMiB = 8.0;
   /// Keeps the term; evicts least recently used ones beyond the bound. `persist`: also to the disk tier.
   /// A term larger than the bound is not kept in RAM (its holder still has it). Persisting writes and syncs the file in
   /// the calling thread, without holding up other callers; `stop` ends that, and leaves no file.
@@ -93,14 +91,12 @@ class TermStore {
   std::unordered_set<Hash128> pins_;                                // of both tiers; of some of them nothing is in memory
   uint64_t bytes_ = 0, pinnedBytes_ = 0;
   uint64_t maxBytes_;
-  double (*fresh_)();
   std::unique_ptr<DiskStore> disk_;
   uint64_t diskErrors_ = 0;
   Status lastDiskError_;
   /// Under mutex_. What leaves goes into `gone`, to be freed outside the lock (buffers are large).
   void insert(const Hash128& key, TermPtr term, const TermNote& note, std::vector<TermPtr>& gone);
   void remove(Entries::iterator at, std::vector<TermPtr>& gone);
-  bool isCheap(const TermNote& note, uint64_t bytes) const;
   void boundVariants(Entry& added, std::vector<TermPtr>& gone);
   void setPinned(Entries::iterator at, bool pinned);
 };

@@ -3,16 +3,11 @@
 
 #include <sys/mman.h>
 
-#include <algorithm>
-#include <atomic>
-#include <chrono>
 #include <cstdlib>
 #include <cstring>
 #include <deque>
 #include <mutex>
 #include <new>
-
-#include "terms/fresh_memory.h"
 
 namespace gobo {
 inline namespace terms {
@@ -67,16 +62,6 @@ BlockPool& pool() {
   return *instance;
 }
 
-std::atomic<double> freshMs{0.0};  // of a MiB
-
-/// Maps the first page of a block, which whoever fills it would have to wait for anyway, and takes the time.
-void measureFirstPage(uint8_t* p) {
-  const auto begun = std::chrono::steady_clock::now();
-  *static_cast<volatile uint8_t*>(p) = 0;
-  const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begun).count();
-  freshMs.store(meanFreshMs(freshMs.load(std::memory_order_relaxed), ms, double(kHugePage) / double(1 << 20)), std::memory_order_relaxed);
-}
-
 uint8_t* mapBlock(size_t length) {
   // Mapped with room to begin at a huge page; what sticks out on both sides goes back.
   void* raw = mmap(nullptr, length + kHugePage, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
@@ -86,25 +71,17 @@ uint8_t* mapBlock(size_t length) {
   if (before) munmap(base, before);
   if (after) munmap(base + before + length, after);
   madvise(base + before, length, MADV_HUGEPAGE);
-  measureFirstPage(base + before);
   return base + before;
 }
 
 }  // namespace
 
-double freshMemoryMsPerMiB() { return freshMs.load(std::memory_order_relaxed); }
-
-double meanFreshMs(double before, double ms, double mib) {
-  constexpr double kNewest = 0.25;  // of the weight; one page that the scheduler interrupted decides nothing
-  const double now = ms / mib;
-  return before > 0.0 ? (1.0 - kNewest) * before + kNewest * std::min(now, 4.0 * before) : now;
-}
-
 ZeroedBytes::ZeroedBytes(size_t size, bool zeroed) : size_(size) {
   if (size >= 2 * kHugePage) {
     const size_t length = (size + kHugePage - 1) / kHugePage * kHugePage;
     uint8_t* p = pool().take(length);
-    if (!p) p = mapBlock(length);
+    fresh_ = p == nullptr;
+    if (fresh_) p = mapBlock(length);
     else if (zeroed) std::memset(p, 0, size);
     data_ = std::unique_ptr<uint8_t, Free>(p, Free(length));
     return;
@@ -131,6 +108,12 @@ size_t formatSize(Format format) {
 size_t Term::bytes() const {
   size_t total = kTermBytes - 16 * kPlaneBytes;
   for (const Plane& p : planes_) total += p.bytes.size() + kPlaneBytes;
+  return total;
+}
+
+size_t Term::freshBytes() const {
+  size_t total = 0;
+  for (const Plane& p : planes_) total += p.bytes.fresh() ? p.bytes.size() : 0;
   return total;
 }
 

@@ -60,12 +60,14 @@ class ZeroedBytes {
   ZeroedBytes& operator=(ZeroedBytes other) {
     std::swap(data_, other.data_);
     std::swap(size_, other.size_);
+    std::swap(fresh_, other.fresh_);
     return *this;
   }
   bool operator==(const ZeroedBytes& other) const { return size_ == other.size_ && std::equal(begin(), end(), other.begin()); }
   uint8_t* data() { return data_.get(); }
   const uint8_t* data() const { return data_.get(); }
   size_t size() const { return size_; }
+  bool fresh() const { return fresh_; }  ///< mapped for this, so that whoever filled it waited for the system; else from the pool, or small
   uint8_t& operator[](size_t i) { return data()[i]; }
   uint8_t operator[](size_t i) const { return data()[i]; }
   uint8_t* begin() { return data(); }
@@ -81,6 +83,7 @@ class ZeroedBytes {
   };
   std::unique_ptr<uint8_t, Free> data_;
   size_t size_ = 0;
+  bool fresh_ = false;
 };
 
 /// What Term::bytes() counts beside the planes' values: of a plane, and of a term of up to 16 planes.
@@ -101,6 +104,7 @@ class Term {
   Domain domain() const { return domain_; }
   const Extent& extent() const { return extent_; }
   size_t bytes() const;
+  size_t freshBytes() const;  ///< of its large planes those whose memory was not used before
   const std::vector<Plane>& planes() const { return planes_; }
   bool hasPlane(std::string_view name) const { return find(name) != nullptr; }
   int channels(std::string_view name) const { return need(name).channels; }

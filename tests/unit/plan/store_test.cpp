@@ -51,11 +51,22 @@ TEST(TermStore, TermLargerThanTheBoundIsNotKeptAndEvictsNothing) {
   EXPECT_EQ(store.bytes(), 0u);
 }
 
+/// One plane of so many floats, in memory that the system has just mapped or in a block that was used before.
+TermPtr ofMemory(size_t floats, bool fresh) {
+  std::vector<TermPtr> others;
+  for (int i = 0; i < 1000; ++i) {  // the pool has less
+    TermPtr term = makeTerm(float(i), floats);
+    if ((term->freshBytes() > 0) == fresh) return term;
+    if (fresh) others.push_back(std::move(term));
+  }
+  return nullptr;
+}
+
 TEST(TermStore, OfWhatIsFasterMadeThanMemoryIsToBeHadTheLastFewOfANodeStay) {
   const size_t floats = TermStore::kCheapBytes / sizeof(float);
-  const TermPtr large = makeTerm(0, floats), small = makeTerm(1, floats / 8);
-  const double all = cheapMsPerMiB(3.0) * double(large->bytes()) / double(1 << 20), cheap = 0.99 * all, dear = 1.01 * all;
-  TermStore store(1ull << 40, nullptr, [] { return 3.0; });
+  const TermPtr large = ofMemory(floats, false), small = makeTerm(1, floats / 8);
+  const double all = TermStore::kCheapMsPerMiB * double(large->bytes()) / double(1 << 20), cheap = 0.99 * all, dear = 1.01 * all;
+  TermStore store(1ull << 40);
   const auto held = [&](int first, int count) {
     int n = 0;
     for (int i = first; i < first + count; ++i) n += store.holds(key(i)) != TermStore::Tier::None;
@@ -93,34 +104,32 @@ TEST(TermStore, OfWhatIsFasterMadeThanMemoryIsToBeHadTheLastFewOfANodeStay) {
   EXPECT_EQ(held(0, 41), 3);
 }
 
-TEST(TermStore, WhatCountsAsCheapGrowsWithWhatFreshMemoryCosts) {
-  const TermPtr large = makeTerm(0, TermStore::kCheapBytes / sizeof(float));
-  const double mib = double(large->bytes()) / double(1 << 20);
-  const auto kept = [&](double msPerMib, double (*fresh)()) {
-    TermStore store(1ull << 40, nullptr, fresh);
-    for (int i = 0; i < 20; ++i) store.put(key(i), large, false, {}, {"composite", "s", msPerMib * mib, 0});
+TEST(TermStore, WhatFreshMemoryTakesIsNoWorkOfTheNode) {
+  const size_t floats = TermStore::kCheapBytes / sizeof(float);
+  const auto kept = [&](bool fresh, double msPerMib) {
+    TermStore store(1ull << 40);
+    const TermPtr term = ofMemory(floats, fresh);
+    for (int i = 0; i < 20; ++i) store.put(key(i), term, false, {}, {"composite", "s", msPerMib * double(term->bytes()) / double(1 << 20), 0});
     return int(store.count());
   };
-  double (*const unknown)() = [] { return 0.0; };
-  double (*const quick)() = [] { return 0.2; };
-  double (*const slow)() = [] { return 5.0; };
-  EXPECT_EQ(kept(1.9, unknown), 4);
-  EXPECT_EQ(kept(1.9, quick), 4);
-  EXPECT_EQ(kept(2.1, quick), 20);
-  EXPECT_EQ(kept(7.4, slow), 4) << "its time is that of its memory";
-  EXPECT_EQ(kept(7.6, slow), 20);
+  EXPECT_EQ(kept(false, 1.9), 4);
+  EXPECT_EQ(kept(false, 2.1), 20);
+  EXPECT_EQ(kept(true, 2.1), 4) << "may be its memory";
+  EXPECT_EQ(kept(true, 9.9), 4);
+  EXPECT_EQ(kept(true, 10.1), 20);
 }
 
-TEST(FreshMemory, IsMeasuredAsBlocksAreMappedAndOneInterruptionDecidesNothing) {
-  EXPECT_DOUBLE_EQ(meanFreshMs(0.0, 6.0, 2.0), 3.0) << "the first block says it";
-  EXPECT_DOUBLE_EQ(meanFreshMs(2.0, 8.0, 2.0), 2.5);
-  EXPECT_DOUBLE_EQ(meanFreshMs(2.0, 1000.0, 2.0), 3.5) << "a thread that waited";
-  double mean = 1.0;
-  for (int i = 0; i < 40; ++i) mean = meanFreshMs(mean, 10.0, 2.0);
-  EXPECT_NEAR(mean, 5.0, 0.01) << "and follows in the end";
-  Term mapped("t", Domain::Pixel, Extent{1 << 21, 1, 1});
-  mapped.addUnsetPlane<float>("v");
-  EXPECT_GT(freshMemoryMsPerMiB(), 0.0);
+TEST(Term, KnowsHowMuchOfItsMemoryIsFresh) {
+  const size_t floats = TermStore::kCheapBytes / sizeof(float);
+  EXPECT_EQ(makeTerm(0, 1000)->freshBytes(), 0u) << "small: the heap's";
+  TermPtr fresh = ofMemory(floats, true);
+  EXPECT_EQ(fresh->freshBytes(), floats * sizeof(float));
+  const Term copy = Term("t", Domain::Pixel, Extent{1, 1, 1});
+  EXPECT_EQ(copy.freshBytes(), 0u);
+  ZeroedBytes given(TermStore::kCheapBytes), taken;
+  const bool was = given.fresh();
+  taken = std::move(given);
+  EXPECT_EQ(taken.fresh(), was) << "goes along with its block";
 }
 
 TEST(TermStore, PutOfTheSameKeyReplacesAndReadersKeepTheirs) {
