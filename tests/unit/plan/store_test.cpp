@@ -55,7 +55,7 @@ TEST(TermStore, TermLargerThanTheBoundIsNotKeptAndEvictsNothing) {
 TermPtr ofMemory(size_t floats, bool fresh) {
   std::vector<TermPtr> others;
   for (int i = 0; i < 1000; ++i) {  // the pool has less
-    TermPtr term = makeTerm(float(i), floats);
+    TermPtr term = makeTerm(i, int(floats));
     if ((term->freshBytes() > 0) == fresh) return term;
     if (fresh) others.push_back(std::move(term));
   }
@@ -106,17 +106,19 @@ TEST(TermStore, OfWhatIsFasterMadeThanMemoryIsToBeHadTheLastFewOfANodeStay) {
 
 TEST(TermStore, WhatFreshMemoryTakesIsNoWorkOfTheNode) {
   const size_t floats = TermStore::kCheapBytes / sizeof(float);
-  const auto kept = [&](bool fresh, double msPerMib) {
-    TermStore store(1ull << 40);
+  for (const bool fresh : {false, true}) {
     const TermPtr term = ofMemory(floats, fresh);
-    for (int i = 0; i < 20; ++i) store.put(key(i), term, false, {}, {"composite", "s", msPerMib * double(term->bytes()) / double(1 << 20), 0});
-    return int(store.count());
-  };
-  EXPECT_EQ(kept(false, 1.9), 4);
-  EXPECT_EQ(kept(false, 2.1), 20);
-  EXPECT_EQ(kept(true, 2.1), 4) << "may be its memory";
-  EXPECT_EQ(kept(true, 9.9), 4);
-  EXPECT_EQ(kept(true, 10.1), 20);
+    ASSERT_TRUE(term);
+    const double mib = double(1 << 20), work = TermStore::kCheapMsPerMiB * double(term->bytes()) / mib;
+    const double most = work + (fresh ? TermStore::kFreshMsPerMiB * double(floats * sizeof(float)) / mib : 0.0);
+    const auto kept = [&](double ms) {
+      TermStore store(1ull << 40);
+      for (int i = 0; i < 20; ++i) store.put(key(i), term, false, {}, {"composite", "s", ms, 0});
+      return int(store.count());
+    };
+    EXPECT_EQ(kept(0.99 * most), 4) << fresh;
+    EXPECT_EQ(kept(1.01 * most), 20) << fresh;
+  }
 }
 
 TEST(Term, KnowsHowMuchOfItsMemoryIsFresh) {
