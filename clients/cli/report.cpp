@@ -106,6 +106,11 @@ void printPlan(const v1::PlanReply& reply, bool everyRow) {
   printNodes(reply.plan(), everyRow);
   std::printf("expected: %.1f ms, %llu rays; at most %s held at once\n", reply.ms(), static_cast<unsigned long long>(reply.rays()),
               bytesText(reply.pinned_bytes()).c_str());
+  if (reply.error_from().empty()) std::printf("expected error: not known; this daemon has shown no snapshots and certified no picture of the scene\n");
+  else
+    std::printf("expected error:%s%s; from %s\n", reply.rmse() > 0 ? strf(" RMSE %.3g", reply.rmse()).c_str() : "",
+                reply.standard_error() > 0 ? strf("%s noise %.3g", reply.rmse() > 0 ? "," : "", reply.standard_error()).c_str() : "",
+                escaped(reply.error_from()).c_str());
   if (reply.decides_while_planning()) std::printf("some node decides what follows when it has run: this is the largest plan that it may choose\n");
   for (const std::string& text : reply.warnings()) std::printf("warning: %s\n", escaped(text).c_str());
   for (const std::string& name : reply.path_classes_missing()) std::printf("missing light paths: %s\n", escaped(name).c_str());

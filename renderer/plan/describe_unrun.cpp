@@ -86,6 +86,17 @@ double aheadMs(const Plan& plan, Executor& executor, const TermStore& store, int
   return ns * 1e-6 / threads;
 }
 
+bool samplesDecideAll(const Plan& plan) {
+  if (!plan.missing.empty() || !plan.expanded.empty()) return false;
+  for (const PrunedNode& p : plan.graph.pruned())
+    if (p.approximate) return false;
+  for (NodeId id = 0; id < plan.graph.size(); ++id) {
+    const GraphNode& n = plan.graph.at(id);
+    if (!n.approximate.empty() || (!n.node->traits().extendable && n.node->cost(n.shape, n.blocks).rays > 0)) return false;
+  }
+  return true;
+}
+
 void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store, int threads, v1::PlanReply& reply) {
   Rows rows(plan, executor, store);
   for (const NodeId id : plan.expanded) rows.ask(id);

@@ -12,6 +12,9 @@ inline namespace plan {
 /// Fills everything but `resolved`. `executor` is of plan.graph and has run nothing.
 void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store, int threads, v1::PlanReply& reply);
 
+/// Whether its error is noise of samples and nothing else: it leaves out and approximates nothing, and whatever traces rays does so by sample.
+bool samplesDecideAll(const Plan& plan);
+
 /// Milliseconds that running it now would take on an idle machine.
 double expectedMs(const Plan& plan, Executor& executor, const TermStore& store, int threads);
 

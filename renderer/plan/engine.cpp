@@ -18,6 +18,7 @@
 #include "plan/disk_store.h"
 #include "plan/display_transforms.h"
 #include "plan/executor.h"
+#include "plan/known_errors.h"
 #include "plan/ladder.h"
 #include "plan/mapped_guard.h"
 #include "plan/outliers.h"
@@ -148,6 +149,7 @@ struct Engine::Impl {
   std::atomic<uint64_t> renders{0};
 
   RungPace pace;
+  KnownErrors knownErrors;
   RememberedRenders remembered{options.keepRenders, options.keepRendersBytes};
   std::vector<std::shared_ptr<const MemoryHolder>> accounts;
 
@@ -374,6 +376,10 @@ Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopT
   if (halt.has_time_s() || halt.has_error())
     reply.add_warnings("the sample count is found while it renders (request.halt." + std::string(halt.has_error() ? "error" : "time_s") + "): planned for " +
                        std::to_string(spp));
+  const ExpectedError error = impl_->knownErrors.at(reply.resolved(), spp, samplesDecideAll(**plan));
+  reply.set_standard_error(error.standardError);
+  reply.set_rmse(error.rmse);
+  reply.set_error_from(error.from);
   return reply;
 }
 
@@ -610,6 +616,7 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
   };
   const auto finished = [&](RenderResult& picture) -> Result<RenderResult> {
     ++renders;
+    knownErrors.add(picture.reply);
     picture.reply.set_total_ms(msSince(start));
     picture.reply.set_render_id(remembered.add(picture.reply.resolved(), control.owner));
     return std::move(picture);

@@ -72,6 +72,73 @@ TEST(DryRun, SaysThatTheSamplesAreNotKnown) {
   EXPECT_NE(planned->warnings(planned->warnings_size() - 1).find("time_s"), std::string::npos);
 }
 
+double rmseOf(const RenderResult& picture, const RenderResult& truth) {
+  double sum = 0;
+  const std::span<const float> a = picture.images[0].pixels(), b = truth.images[0].pixels();
+  for (size_t i = 0; i < a.size(); ++i) sum += (double(a[i]) - b[i]) * (double(a[i]) - b[i]);
+  return std::sqrt(sum / double(a.size()));
+}
+
+// Scenes, sizes, seeds and counts of the next three were chosen before the first run.
+TEST(DryRun, SaysTheNoiseThatIsThenMeasured) {
+  for (const char* scene : {"cornell", "lamps"}) {
+    SCOPED_TRACE(scene);
+    const auto engine = makeEngine();
+    v1::RenderRequest r = smallRequest(scene, 40, 30, 64);
+    const auto before = engine->plan(r);
+    ASSERT_TRUE(before.ok());
+    EXPECT_EQ(before->error_from(), "");
+    EXPECT_EQ(before->standard_error(), 0.0);
+    mustRender(*engine, r);
+    EXPECT_EQ(engine->plan(r)->error_from(), "") << "a plain render shows no noise";
+    RenderControl watched;
+    watched.snapshot = [](const RenderResult&) {};
+    r.set_seed(1);
+    ASSERT_TRUE(engine->render(r, watched).ok());
+    r.set_seed(2);
+    r.mutable_halt()->set_spp(1024);
+    const RenderResult truth = mustRender(*engine, r);
+    for (const uint32_t spp : {16u, 128u}) {
+      r.set_seed(spp);
+      r.mutable_halt()->set_spp(spp);
+      const auto planned = engine->plan(r);
+      ASSERT_TRUE(planned.ok());
+      EXPECT_EQ(planned->error_from(), "snapshots of this picture, 64 samples");
+      const double error = rmseOf(mustRender(*engine, r), truth);
+      EXPECT_GT(planned->standard_error(), 0.6 * error) << spp;  // what snapshots promise (Engine.SnapshotsSayTheirNoise)
+      EXPECT_LT(planned->standard_error(), 2.5 * error) << spp;
+      EXPECT_EQ(planned->rmse(), 0.0) << "no certificate was asked for";
+    }
+    r.mutable_integrator()->set_max_bounces(3);
+    EXPECT_EQ(engine->plan(r)->error_from(), "snapshots of another picture of this scene, 64 samples");
+  }
+}
+
+TEST(DryRun, SaysTheErrorThatCertificatesFound) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("spheres", 40, 30, 16);
+  r.mutable_certificate()->set_spp(256);
+  r.mutable_certificate()->set_pixel_fraction(1);
+  for (const bool leavesOut : {false, true}) {
+    SCOPED_TRACE(leavesOut);
+    r.mutable_integrator()->set_indirect(!leavesOut);
+    r.mutable_halt()->set_spp(16);
+    const double certified = mustRender(*engine, r).reply.certificate().rmse();
+    r.mutable_halt()->set_spp(64);
+    const auto once = engine->plan(r);
+    EXPECT_EQ(once->error_from(), "certificates of this picture, 16 samples");
+    EXPECT_NEAR(once->rmse(), leavesOut ? certified : certified / 2, 1e-9) << "all of it noise, or nothing known of what stays";
+    const double second = mustRender(*engine, r).reply.certificate().rmse();
+    r.mutable_halt()->set_spp(1024);
+    const auto planned = engine->plan(r);
+    EXPECT_EQ(planned->error_from(), leavesOut ? "certificates of this picture, 16 and 64 samples" : "certificates of this picture, 64 samples");
+    const double third = mustRender(*engine, r).reply.certificate().rmse();
+    EXPECT_LT(planned->rmse(), leavesOut ? 1.1 * third : 2 * third) << second;
+    EXPECT_GT(planned->rmse(), leavesOut ? 0.9 * third : 0.5 * third) << second;
+    EXPECT_NEAR(engine->plan(r)->rmse(), third, 1e-9) << "where it was certified last it is what was found";
+  }
+}
+
 TEST(DryRun, ManySamplesAreNoSmallRenderBecauseOneIsThere) {
   const auto engine = makeEngine();
   const v1::RenderRequest many = smallRequest("cornell", 160, 120, 4096), one = smallRequest("cornell", 160, 120, 1);
