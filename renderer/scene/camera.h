@@ -67,6 +67,7 @@ class ThinLens {
 };
 
 /// Rays of a width x height picture: what cameraRay and pixelFootprint give, without their tangent per call. They begin and end at the clipping planes.
+struct RayPacket;  // scene/ray_packet.h
 class FilmRays {
  public:
   FilmRays(const Camera& camera, int width, int height)
@@ -106,6 +107,7 @@ class FilmRays {
   float footprint(float t) const { return perspective_ ? t * scale_ / height_ : scale_ / height_; }
 
  private:
+  friend void filmPacket(const FilmRays& film, const float (&px)[16], const float (&py)[16], RayPacket& rays);
   Ray around(float px, float py) const {
     const float azimuth = (px / width_ - 0.5f) * (2.0f * kPi), height = (0.5f - py / height_) * kPi, level = std::cos(height);
     Ray ray;

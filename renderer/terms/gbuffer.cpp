@@ -2,9 +2,11 @@
 #include "terms/gbuffer.h"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
+#include <utility>
 
-#include "terms/hit_place.h"
+#include "terms/hit_packet.h"
 #include "trace/back_faces.h"
 
 namespace gobo {
@@ -70,6 +72,7 @@ class GBufferNode final : public Node {
 
     const FilmRays film(s_.camera, s_.filmWidth(), s_.filmHeight());
     const float left = float(s_.place.x), top = float(s_.place.y);
+    const bool straight = !s_.camera.hasLens() && !s_.camera.optics.panorama;
     // Packets of 4x4 pixels of one layer: rays that run side by side.
     const size_t bands = size_t(h + kTile - 1) / kTile;
     const bool complete = ctx.arena->parallelFor(
@@ -81,18 +84,39 @@ class GBufferNode final : public Node {
             const Vec2 offset = viewSamplePosition(s, S);
             for (int x0 = 0; x0 < w; x0 += kTile) {
               const int wide = std::min(kTile, w - x0), count = wide * tall;
-              Ray ray[kTile * kTile];
-              Hit hit[kTile * kTile];
-              for (int i = 0; i < count; ++i) {
-                const int x = x0 + i % wide, y = y0 + i / wide;
-                Vec2 onLens(0.0f);
-                if (s_.camera.hasLens()) onLens = viewSampleLens(s, S, uint64_t(s_.place.y + y) * uint64_t(s_.filmWidth()) + uint64_t(s_.place.x + x));
-                ray[i] = film.at(left + float(x) + offset.x, top + float(y) + offset.y, onLens);
+              RayPacket ray;
+              HitPacket hit;
+              alignas(64) float px[RayPacket::kLanes], py[RayPacket::kLanes];
+              for (int i = 0; i < RayPacket::kLanes; ++i) {
+                const int lane = i < count ? i : 0;
+                px[i] = left + float(x0 + lane % wide) + offset.x;
+                py[i] = top + float(y0 + lane / wide) + offset.y;
+              }
+              if (straight) {
+                filmPacket(film, px, py, ray);
+              } else {
+                for (int i = 0; i < RayPacket::kLanes; ++i) {
+                  const int lane = i < count ? i : 0, x = x0 + lane % wide, y = y0 + lane / wide;
+                  Vec2 onLens(0.0f);
+                  if (s_.camera.hasLens()) onLens = viewSampleLens(s, S, uint64_t(s_.place.y + y) * uint64_t(s_.filmWidth()) + uint64_t(s_.place.x + x));
+                  ray.set(i, film.at(px[i], py[i], onLens));
+                }
               }
               accel->intersect16(ray, count, hit, &passed);
+              const size_t corner = (size_t(s) * size_t(h) + size_t(y0)) * size_t(w) + size_t(x0);
+              if (count == RayPacket::kLanes && ofOneInstance(hit)) {
+                HitSurface surface;
+                hitPositions(accel->impl().instances[hit.instance[0]], ray, hit, surface);
+                writeRows(surface.depth, depth, corner, w);
+                writeRows(hit.instance, instance, corner, w);
+                writeRows(hit.primitive, primitive, corner, w);
+                if (positions) writeRows(surface.P, P, corner, w);
+                if (all()) shading.write(*accel, instances[hit.instance[0]].mesh, ray, hit, film, surface, corner, w);
+                continue;
+              }
               for (int i = 0; i < count; ++i) {
-                const size_t at = (size_t(s) * size_t(h) + size_t(y0 + i / wide)) * size_t(w) + size_t(x0 + i % wide);
-                if (!hit[i].valid()) {
+                const size_t at = corner + size_t(i / wide) * size_t(w) + size_t(i % wide);
+                if (hit.instance[i] == kNoHit) {
                   if (positions)
                     for (int c = 0; c < 3; ++c) P[3 * at + c] = 0.0f;
                   if (all()) shading.clear(at);
@@ -100,13 +124,14 @@ class GBufferNode final : public Node {
                   instance[at] = primitive[at] = kNoHit;
                   continue;
                 }
-                const Vec3 p = hitPosition(*accel, hit[i]);
-                depth[at] = glm::length(p - ray[i].origin);
-                instance[at] = hit[i].instance;
-                primitive[at] = hit[i].primitive;
+                const Hit one = hit.lane(i);
+                const Vec3 p = hitPosition(*accel, one), d(ray.direction[0][i], ray.direction[1][i], ray.direction[2][i]);
+                depth[at] = glm::length(p - Vec3(ray.origin[0][i], ray.origin[1][i], ray.origin[2][i]));
+                instance[at] = one.instance;
+                primitive[at] = one.primitive;
                 if (positions)
                   for (int c = 0; c < 3; ++c) P[3 * at + c] = p[c];
-                if (all()) shading.write(*accel, instances[hit[i].instance].mesh, ray[i], hit[i], at, film.footprint(depth[at]));
+                if (all()) shading.write(*accel, instances[one.instance].mesh, d, one, at, film.footprint(depth[at]));
               }
             }
             rays += uint64_t(tall) * uint64_t(w);
@@ -120,6 +145,20 @@ class GBufferNode final : public Node {
 
  private:
   static constexpr int kTile = 4;
+
+  /// The lanes of a whole tile to its rows; `corner`: element of its first pixel.
+  template <class T>
+  static void writeRows(const T (&lanes)[RayPacket::kLanes], std::span<T> plane, size_t corner, int width) {
+    for (int y = 0; y < kTile; ++y) std::memcpy(&plane[corner + size_t(y) * size_t(width)], lanes + y * kTile, kTile * sizeof(T));
+  }
+  template <int kComponents>
+  static void writeRows(const float (&lanes)[kComponents][RayPacket::kLanes], std::span<float> plane, size_t corner, int width) {
+    for (int y = 0; y < kTile; ++y) {
+      float* row = &plane[kComponents * (corner + size_t(y) * size_t(width))];
+      for (int x = 0; x < kTile; ++x)
+        for (int c = 0; c < kComponents; ++c) row[kComponents * x + c] = lanes[c][y * kTile + x];
+    }
+  }
 
   bool all() const { return s_.part == GBufferPart::All; }
 
@@ -142,12 +181,29 @@ class GBufferNode final : public Node {
       for (int c = 0; c < 2; ++c) uv[2 * at + c] = bary[2 * at + c] = 0.0f;
       footprint[at] = 0.0f;
     }
+    void write(const Accel& accel, int meshIndex, const RayPacket& rays, const HitPacket& hits, const FilmRays& film, HitSurface& surface, size_t corner,
+               int w) {
+      const MeshView<Facet::Shading>& mesh = meshes[size_t(meshIndex)];
+      hitShading(accel.impl().instances[hits.instance[0]], mesh.normals.empty() ? nullptr : std::as_const(mesh.normals).data(),
+                 mesh.uv[0].empty() ? nullptr : std::as_const(mesh.uv[0]).data(), rays, hits, surface);
+      writeRows(surface.N, N, corner, w);
+      writeRows(surface.Ng, Ng, corner, w);
+      writeRows(surface.uv, uv, corner, w);
+      alignas(64) float width[RayPacket::kLanes], barycentric[2][RayPacket::kLanes];
+      for (int i = 0; i < RayPacket::kLanes; ++i) {
+        width[i] = film.footprint(surface.depth[i]);
+        barycentric[0][i] = hits.u[i];
+        barycentric[1][i] = hits.v[i];
+      }
+      writeRows(width, footprint, corner, w);
+      writeRows(barycentric, bary, corner, w);
+    }
     /// Normals towards the viewer.
-    void write(const Accel& accel, int meshIndex, const Ray& ray, const Hit& hit, size_t at, float width) {
+    void write(const Accel& accel, int meshIndex, const Vec3& direction, const Hit& hit, size_t at, float width) {
       const MeshView<Facet::Shading>& mesh = meshes[size_t(meshIndex)];
       const InstanceGeometry& g = accel.impl().instances[hit.instance];
       const uint32_t* tri = g.indices + 3 * size_t(hit.primitive);
-      const HitNormals normal = hitNormals(mesh.normals, g, ray.direction, hit);
+      const HitNormals normal = hitNormals(mesh.normals, g, direction, hit);
       const float b[3] = {1.0f - hit.u - hit.v, hit.u, hit.v};
       Vec2 t(0.0f);
       if (!mesh.uv[0].empty())

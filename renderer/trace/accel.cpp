@@ -231,43 +231,11 @@ bool Accel::intersect(const Ray& ray, Hit& hit, const BackFaces* passed) const {
 }
 
 void Accel::intersect16(const Ray* rays, int count, Hit* hits, const BackFaces* passed) const {
-  if (passed && !passed->any()) passed = nullptr;
-  alignas(64) RTCRayHit16 r;
-  alignas(64) int valid[16];
-  for (int i = 0; i < 16; ++i) {
-    const Ray& ray = rays[i < count ? i : 0];
-    valid[i] = i < count ? -1 : 0;
-    r.ray.org_x[i] = ray.origin.x;
-    r.ray.org_y[i] = ray.origin.y;
-    r.ray.org_z[i] = ray.origin.z;
-    r.ray.dir_x[i] = ray.direction.x;
-    r.ray.dir_y[i] = ray.direction.y;
-    r.ray.dir_z[i] = ray.direction.z;
-    r.ray.tnear[i] = ray.tmin;
-    r.ray.tfar[i] = ray.tmax;
-    r.ray.time[i] = 0;
-    r.ray.mask[i] = ~0u;
-    r.ray.flags[i] = 0;
-    r.ray.id[i] = passed ? BackFaces::kPasses : 0;
-    r.hit.geomID[i] = r.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
-  }
-  BackFaces::Context context;
-  if (passed) passed->init(context);
-  else embree::initContext(context.context);
-  embree::intersect16(valid, impl_->scene, context.context, r, true, passed ? BackFaces::filter : nullptr);
-  for (int i = 0; i < count; ++i) {
-    Hit& hit = hits[i];
-    if (r.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) {
-      hit = Hit();
-      continue;
-    }
-    hit.t = r.ray.tfar[i];
-    hit.instance = r.hit.instID[0][i] == RTC_INVALID_GEOMETRY_ID ? r.hit.geomID[i] : r.hit.instID[0][i];
-    hit.primitive = r.hit.primID[i];
-    hit.u = r.hit.u[i];
-    hit.v = r.hit.v[i];
-    hit.Ng = impl_->worldNormal(hit.instance, Vec3(r.hit.Ng_x[i], r.hit.Ng_y[i], r.hit.Ng_z[i]));
-  }
+  RayPacket packet;
+  HitPacket hit;
+  for (int i = 0; i < RayPacket::kLanes; ++i) packet.set(i, rays[i < count ? i : 0]);
+  intersect16(packet, count, hit, passed);
+  for (int i = 0; i < count; ++i) hits[i] = hit.lane(i);
 }
 
 bool Accel::occluded(const Ray& ray) const {

@@ -14,6 +14,7 @@
 #include "base/stop.h"
 #include "base/task_arena.h"
 #include "scene/camera.h"
+#include "scene/ray_packet.h"
 #include "scene/scene.h"
 
 namespace gobo {
@@ -35,6 +36,13 @@ struct Hit {
   bool valid() const { return instance != kNoHit; }
 };
 
+/// What 16 rays hit, a lane each; the fields of Hit. Where nothing is hit `instance` is kNoHit, and only that is of use.
+struct alignas(64) HitPacket {
+  float t[RayPacket::kLanes], u[RayPacket::kLanes], v[RayPacket::kLanes], Ng[3][RayPacket::kLanes];
+  uint32_t instance[RayPacket::kLanes], primitive[RayPacket::kLanes];
+  Hit lane(int i) const { return instance[i] == kNoHit ? Hit() : Hit{t[i], instance[i], primitive[i], u[i], v[i], {Ng[0][i], Ng[1][i], Ng[2][i]}}; }
+};
+
 class BackFaces;  // trace/back_faces.h
 
 class Accel {
@@ -47,6 +55,8 @@ class Accel {
   /// The same for up to 16 rays that run side by side (camera and light rays): several times as fast as one by one. hits[i].instance is
   /// kNoHit where ray i hits nothing. May differ from intersect() in the last bits.
   void intersect16(const Ray* rays, int count, Hit* hits, const BackFaces* passed = nullptr) const;
+  /// The same bits for whoever has lanes and wants lanes; those from `count` on are not traced.
+  void intersect16(const RayPacket& rays, int count, HitPacket& hits, const BackFaces* passed = nullptr) const;
   /// Anything between ray.tmin and ray.tmax?
   bool occluded(const Ray& ray) const;
   /// The same for up to 16 rays that run side by side: bit i of the result is set where ray i is blocked.
