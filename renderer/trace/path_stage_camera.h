@@ -81,12 +81,16 @@ inline void PathChunk<Sink>::intersect() {
   if (m.recorder) recordRays(alive, rh.ray, events == 0 ? m.recorder->primary : m.recorder->bounce);
 }
 
-/// Writes what the coming event is decided by: its numbers, nee, rouletteOn, goesOn.
+/// Writes what the coming event is decided by: its numbers, nee, rouletteOn, goesOn. Nobody asks for numbers where no ray met anything: in a picture
+/// of a small thing before a sky most packets are like that.
 template <PathSink Sink>
 inline void PathChunk<Sink>::drawNumbers() {
   nee = (events == 0 ? m.wantDirect : m.wantIndirect || (freePasses && m.wantDirect)) && m.selector.count() > 0;
   rouletteOn = events + 1 >= m.settings.rouletteStart;
   goesOn = events + 1 < m.maxEvents || m.hittable || freePasses;
+  uint32_t missed = ~0u;
+  for (int i = 0; i < kLanes; ++i) missed &= rh.hit.geomID[i];
+  if (missed == RTC_INVALID_GEOMETRY_ID && !hasMedia) return;
   if (events < m.maxEvents || freePasses) {
     const uint32_t base = 1 + uint32_t(events) * kDrawsPerEvent;
     if (nee) set.draw2D(base + kDrawLight, ux, uy);
