@@ -6,7 +6,7 @@ ENV ?=
 SHELL := /bin/bash
 CONFIGURE = cmake --preset release -B $(BUILD)
 
-.PHONY: all deps build check demo deb docs install test sanitize bench references lint format clean
+.PHONY: all deps build check demo deb docs install test sanitize bench benches references lint format clean
 
 all: build
 
@@ -40,6 +40,11 @@ PRESETS ?= asan tsan
 TIER ?= fast
 sanitize: deps
 	@for preset in $(PRESETS); do deploy/sanitize $$preset $(TIER) $(JOBS) || exit 1; done
+
+# The benchmarks' programs, for CI: compiled, not run.
+benches: deps
+	@[ -f $(BUILD)/build.ninja ] || $(CONFIGURE)
+	@ninja -C $(BUILD) -j $(JOBS) benches
 
 bench: deps
 	@deploy/install-deps --bench

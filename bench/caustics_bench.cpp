@@ -16,7 +16,7 @@ namespace {
 
 using namespace gobo;
 
-v1::RenderRequest request(int width, int height, int spp, int seed, const char* output) {
+v1::RenderRequest causticRequest(int width, int height, int spp, int seed, const char* output) {
   v1::RenderRequest r;
   r.set_scene("spheres");
   r.set_width(uint32_t(width));
@@ -62,7 +62,7 @@ int main(int argc, char** argv) {
   auto engine = Engine::create({});
   if (!png.empty()) {
     for (const bool on : {true, false}) {
-      v1::RenderRequest r = request(width, height, spp, 1, "beauty");
+      v1::RenderRequest r = causticRequest(width, height, spp, 1, "beauty");
       for (const char* e : {"integrator.caustic_photons=200000", "integrator.caustic_radius=0.0015"}) (void)setPath(r, e);  // sharp enough to look at
       if (!on) r.mutable_integrator()->set_caustic_photons(0);
       const auto result = (*engine)->render(r);
@@ -84,10 +84,10 @@ int main(int argc, char** argv) {
   }
   Table t("Caustics by passes: spheres 48x36, point light, 20 000 photons a pass", {"passes", "RMSE", "RMSE x passes^(1/3)", "seconds"});
   double ms = 0;
-  const std::vector<double> truth = caustics(**engine, request(48, 36, 256 * 16, 99, "indirect"), &ms);
+  const std::vector<double> truth = caustics(**engine, causticRequest(48, 36, 256 * 16, 99, "indirect"), &ms);
   for (int passes : {1, 4, 16, 64}) {
     auto fresh = Engine::create({});
-    const std::vector<double> image = caustics(**fresh, request(48, 36, passes * 16, 7, "indirect"), &ms);
+    const std::vector<double> image = caustics(**fresh, causticRequest(48, 36, passes * 16, 7, "indirect"), &ms);
     double sum = 0;
     for (size_t i = 0; i < truth.size(); ++i) sum += (image[i] - truth[i]) * (image[i] - truth[i]);
     const double rmse = std::sqrt(sum / double(truth.size()));

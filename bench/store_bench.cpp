@@ -10,6 +10,7 @@
 
 #include "plan/disk_store.h"
 #include "plan/store.h"
+#include "terms/term_file.h"
 
 using namespace gobo;
 
