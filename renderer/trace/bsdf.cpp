@@ -2,6 +2,9 @@
 #include "trace/bsdf.h"
 
 #include <algorithm>
+#include <new>
+#include <optional>
+#include <type_traits>
 
 #include "trace/bsdf_base_impl.h"
 #include "trace/bsdf_layers.h"
@@ -9,29 +12,33 @@
 
 namespace gobo {
 inline namespace trace {
-namespace {
 
 /// One look at a material from `o`: base, layers, and the geometric plane where the shading normal is another.
-struct Look {
+struct BsdfView::Look {
   const BsdfParams& p;
   const Vec3& o;
   BaseLobes base;
-  bool layered, tilted;
-  Look(const BsdfParams& p, const Vec3& o) : p(p), o(o), base(p), layered(Layers::any(p)), tilted(p.facing != Vec3(0, 0, 1)) { base.view(o); }
+  bool tilted;
+  std::optional<Layers> layers;
+  Look(const BsdfParams& p, const Vec3& o, bool seen) : p(p), o(o), base(p), tilted(p.facing != Vec3(0, 0, 1)) {
+    if (!seen) return;
+    base.view(o);
+    if (Layers::any(p)) layers.emplace(p, o).choose(base.energy);
+  }
 
   Vec3 mirrored(const Vec3& i) const { return i - (2.0f * glm::dot(i, p.facing)) * p.facing; }
-  /// Light of a pair; `layers` as the material has them. Layers are specular, but for what they let through.
-  void evaluate(const Layers* layers, const Vec3& i, BsdfValue& value, float& pdf) const {
-    if (!tilted) return upright(layers, i, value, pdf, false);
+  /// Light of a pair. Layers are specular, but for what they let through.
+  void evaluate(const Vec3& i, BsdfValue& value, float& pdf) const {
+    if (!tilted) return upright(i, value, pdf, false);
     pdf = 0.0f;
     const float side = glm::dot(i, p.facing);
     if (!(side * i.z > 0.0f)) return;  // its light is at mirrored(i)
-    upright(layers, i, value, pdf, false);
+    upright(i, value, pdf, false);
     const Vec3 m = mirrored(i);
     if (!(side * m.z > 0.0f)) return;
     BsdfValue folded;
     float density;
-    upright(layers, m, folded, density, true);
+    upright(m, folded, density, true);
     value.specular += folded.specular;
     pdf += density;
   }
@@ -44,7 +51,7 @@ struct Look {
   }
 
  private:
-  void upright(const Layers* layers, const Vec3& i, BsdfValue& value, float& pdf, bool specularOnly) const {
+  void upright(const Vec3& i, BsdfValue& value, float& pdf, bool specularOnly) const {
     base.evaluate(o, i, value, pdf, specularOnly);
     if (!layers) return;
     const float passed = layers->passed(i);
@@ -55,6 +62,8 @@ struct Look {
   }
 };
 
+namespace {
+
 /// Nothing but Lambert: half of a usual scene's surfaces.
 inline bool isLambert(const BsdfParams& p) {
   return !(p.metallic > 0.0f) && !(p.specular > 0.0f) && !(p.transmission > 0.0f) && !(p.diffuseTransmission > 0.0f) && !(p.iridescence > 0.0f) &&
@@ -64,27 +73,70 @@ inline Vec3 lambertAlbedo(const BsdfParams& p) { return Vec3(clamp01(p.albedo.x)
 
 }  // namespace
 
-BsdfValue bsdfEvalPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi, float& pdf) {
+BsdfView::BsdfView(const BsdfParams& p, const Vec3& wo) : p_(p), wo_(wo), lambert_(isLambert(p)), seen_(wo.z > 0.0f) {
+  static_assert(sizeof(Look) <= sizeof look_ && alignof(Look) <= 16 && std::is_trivially_destructible_v<Look>);
+  if (!lambert_) new (look_) Look(p_, wo_, seen_);
+}
+
+const BsdfView::Look& BsdfView::look() const { return *std::launder(reinterpret_cast<const Look*>(look_)); }
+
+bool BsdfView::isDelta() const {
+  if (lambert_) return !(maxComponent(lambertAlbedo(p_)) > 0.0f);
+  return !look().base.evaluable() && !Layers::evaluable(p_);
+}
+
+BsdfValue BsdfView::evalPdf(const Vec3& wi, float& pdf) const {
   BsdfValue value;
   pdf = 0.0f;
-  if (!(wo.z > 0.0f) || !(std::fabs(wi.z) > 0.0f)) return value;
-  if (isLambert(p)) {
-    const Vec3 albedo = lambertAlbedo(p);
-    if (!(wi.z > 0.0f) || !(maxComponent(albedo) > 0.0f)) return value;
-    pdf = kInvPi * wi.z;
-    value.diffuse = albedo * pdf;
+  if (!seen_ || !(std::fabs(wi.z) > 0.0f)) return value;
+  if (!lambert_) {
+    look().evaluate(wi, value, pdf);
     return value;
   }
-  const Look look(p, wo);
-  if (!look.layered) {
-    look.evaluate(nullptr, wi, value, pdf);
-    return value;
-  }
-  Layers layers(p, wo);
-  layers.choose(look.base.energy);
-  look.evaluate(&layers, wi, value, pdf);
+  const Vec3 albedo = lambertAlbedo(p_);
+  if (!(wi.z > 0.0f) || !(maxComponent(albedo) > 0.0f)) return value;
+  pdf = kInvPi * wi.z;
+  value.diffuse = albedo * pdf;
   return value;
 }
+
+bool BsdfView::sample(float uLobe, const Vec2& u, BsdfSample& out) const {
+  out = {};
+  if (!seen_) return false;
+  if (lambert_) {
+    out.wi = sampleCosine(u);
+    out.weight = lambertAlbedo(p_);
+    out.pdf = kInvPi * out.wi.z;
+    return out.wi.z > 0.0f && maxComponent(out.weight) > 0.0f;
+  }
+  const Look& look = this->look();
+  const BaseLobes& base = look.base;
+  if (!look.layers) {
+    if (!(base.energy > 0.0f) || !base.sample(wo_, uLobe, u, out)) return false;
+    if (!look.turn(out)) return false;
+    if (out.delta) return isFinite(out.weight);
+  } else {
+    const Layers& layers = *look.layers;
+    const float above = layers.coatP + layers.sheenP;
+    if (uLobe < above || !(layers.baseP > 0.0f)) {
+      if (!layers.sample(uLobe, u, out) || !look.turn(out)) return false;
+      if (out.delta) return maxComponent(out.weight) > 0.0f;
+    } else {
+      if (!base.sample(wo_, clamp01((uLobe - above) / layers.baseP), u, out)) return false;
+      if (out.delta) {
+        out.weight *= layers.passed(out.wi) / layers.baseP;
+        return look.turn(out) && isFinite(out.weight) && maxComponent(out.weight) > 0.0f;
+      }
+    }
+    if (!look.turn(out)) return false;
+  }
+  BsdfValue value;
+  look.evaluate(out.wi, value, out.pdf);
+  out.weight = value.sum() / out.pdf;
+  return out.pdf > 0.0f && isFinite(out.weight) && maxComponent(out.weight) > 0.0f;
+}
+
+BsdfValue bsdfEvalPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi, float& pdf) { return BsdfView(p, wo).evalPdf(wi, pdf); }
 
 BsdfValue bsdfEval(const BsdfParams& p, const Vec3& wo, const Vec3& wi) {
   float pdf;
@@ -107,44 +159,7 @@ float bsdfPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi) {
   return pdf;
 }
 
-bool bsdfSample(const BsdfParams& p, const Vec3& wo, float uLobe, const Vec2& u, BsdfSample& out) {
-  out = {};
-  if (!(wo.z > 0.0f)) return false;
-  if (isLambert(p)) {
-    out.wi = sampleCosine(u);
-    out.weight = lambertAlbedo(p);
-    out.pdf = kInvPi * out.wi.z;
-    return out.wi.z > 0.0f && maxComponent(out.weight) > 0.0f;
-  }
-  const Look look(p, wo);
-  const BaseLobes& base = look.base;
-  BsdfValue value;
-  if (!look.layered) {
-    if (!(base.energy > 0.0f) || !base.sample(wo, uLobe, u, out)) return false;
-    if (!look.turn(out)) return false;
-    if (out.delta) return isFinite(out.weight);
-    look.evaluate(nullptr, out.wi, value, out.pdf);
-    out.weight = value.sum() / out.pdf;
-  } else {
-    Layers layers(p, wo);
-    layers.choose(base.energy);
-    const float above = layers.coatP + layers.sheenP;
-    if (uLobe < above || !(layers.baseP > 0.0f)) {
-      if (!layers.sample(uLobe, u, out) || !look.turn(out)) return false;
-      if (out.delta) return maxComponent(out.weight) > 0.0f;
-    } else {
-      if (!base.sample(wo, clamp01((uLobe - above) / layers.baseP), u, out)) return false;
-      if (out.delta) {
-        out.weight *= layers.passed(out.wi) / layers.baseP;
-        return look.turn(out) && isFinite(out.weight) && maxComponent(out.weight) > 0.0f;
-      }
-    }
-    if (!look.turn(out)) return false;
-    look.evaluate(&layers, out.wi, value, out.pdf);
-    out.weight = value.sum() / out.pdf;
-  }
-  return out.pdf > 0.0f && isFinite(out.weight) && maxComponent(out.weight) > 0.0f;
-}
+bool bsdfSample(const BsdfParams& p, const Vec3& wo, float uLobe, const Vec2& u, BsdfSample& out) { return BsdfView(p, wo).sample(uLobe, u, out); }
 
 float bsdfFluxScale(const BsdfParams& p, const BsdfSample& s) {
   if (!s.delta || !s.transmitted) return 1.0f;
@@ -207,7 +222,14 @@ LobeTerms bsdfLobeTerms(const BsdfParams& p, float mu) {
   return out;
 }
 
-bool bsdfIsDelta(const BsdfParams& p) { return !BaseLobes(p).evaluable() && !Layers::evaluable(p); }
+bool bsdfIsDelta(const BsdfParams& p) {
+  // Most materials have a lobe that can be seen from their parameters alone.
+  const float roughness = clamp01(p.roughness), metallic = clamp01(p.metallic);
+  const bool opaque = metallic < 1.0f && clamp01(p.transmission) < 1.0f;
+  if (opaque && clamp01(p.diffuseTransmission) < 1.0f && maxComponent(clamped(p.albedo)) > 0.0f) return false;
+  if (!(p.anisotropy > 0.0f) && roughness * roughness >= kDeltaAlpha && (metallic > 0.0f || (opaque && clamp01(p.specular) > 0.0f))) return false;
+  return !BaseLobes(p).evaluable() && !Layers::evaluable(p);
+}
 
 }  // namespace trace
 }  // namespace gobo

@@ -78,7 +78,8 @@ inline void PathChunk<Sink>::scatterAtSurfaces() {
     }
     const Frame frame = s.frame();
     const Vec3 wo = frame.toLocal(-d), throughput = paths.throughput.get(i);
-    const bool delta = bsdfIsDelta(s.bsdf), hasNormal = !s.material->transmissive;
+    const BsdfView view(s.bsdf, wo);
+    const bool delta = view.isDelta(), hasNormal = !s.material->transmissive;
     if (nee && !delta && asks(i)) {
       float select;
       const int k = m.selector.sample(s.p, hasNormal ? &s.n : nullptr, choice[i], select);
@@ -88,7 +89,7 @@ inline void PathChunk<Sink>::scatterAtSurfaces() {
         if (cosine * side > 0.0f && (cosine > 0.0f || !hasNormal) && (side < 0.0f || !(m.settings.behindOnly && event == 1))) {
           const Vec3 wi = frame.toLocal(light.direction);
           float scatterPdf;
-          const BsdfValue f = bsdfEvalPdf(s.bsdf, wo, wi, scatterPdf);
+          const BsdfValue f = view.evalPdf(wi, scatterPdf);
           const float lightPdf = light.pdf * select;
           const float weight = light.delta ? 1.0f : powerHeuristic(lightPdf, scatterPdf);
           const Vec3 arriving = throughput * light.radiance * m.lights[k].nominal * (weight / lightPdf);
@@ -109,14 +110,15 @@ inline void PathChunk<Sink>::scatterAtSurfaces() {
     }
     BsdfSample bs;
     if (!goesOn || (event == 1 && delta && !m.wantIndirect)) continue;
-    if (!bsdfSample(s.bsdf, wo, lobe[i], Vec2(px[i], py[i]), bs)) continue;
+    if (!view.sample(lobe[i], Vec2(px[i], py[i]), bs)) continue;
     if (event == 1) {
       if (bs.delta && !m.wantIndirect) continue;
       if (bs.delta) paths.firstDelta |= bit;
       if (lobes) {
         Vec3 part(1.0f);
         if (!bs.delta) {
-          const BsdfValue f = bsdfEval(s.bsdf, wo, bs.wi);
+          float pdf;
+          const BsdfValue f = view.evalPdf(bs.wi, pdf);
           const Vec3 all = f.sum();
           for (int c = 0; c < 3; ++c) part[c] = all[c] > 0.0f ? f.specular[c] / all[c] : 0.0f;
         }

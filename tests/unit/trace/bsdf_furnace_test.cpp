@@ -206,5 +206,56 @@ TEST(BsdfFurnace, LayeredModelsMeasured) {
   }
 }
 
+/// Ends of every range, which decide which lobes there are.
+BsdfParams extremeMaterial(test::Rng& rng) {
+  BsdfParams p = randomMaterial(rng);
+  const auto end = [&](float& v, std::initializer_list<float> ends) {
+    if (rng.next() < 0.6f) v = ends.begin()[std::min(ends.size() - 1, size_t(rng.next() * float(ends.size())))];
+  };
+  end(p.roughness, {0.0f, 0.03f, 0.0317f, 1.0f, -1.0f, 2.0f});
+  end(p.metallic, {0.0f, 1.0f, 1.5f, -0.1f});
+  end(p.specular, {0.0f, 1.0f});
+  end(p.transmission, {0.0f, 1.0f, 1.1f});
+  end(p.ior, {0.0f, 1.0f, 1.0005f, 1.5f, 2000.0f});
+  end(p.anisotropy, {0.0f, 1.0f});
+  end(p.diffuseTransmission, {0.0f, 1.0f});
+  end(p.iridescence, {0.0f, 1.0f});
+  end(p.clearcoat, {0.0f, 1.0f});
+  end(p.clearcoatRoughness, {0.0f, 0.5f});
+  if (rng.next() < 0.3) p.albedo = Vec3(0.0f);
+  if (rng.next() < 0.5) p.sheenColor = Vec3(0.0f);
+  return p;
+}
+
+// One look that is asked twice, and after a sample, has the bits of a look for each question; and whether a material is a mirror is told in two ways.
+TEST(Bsdf, AViewAnswersAsOftenAsItIsAsked) {
+  test::Rng rng(77);
+  size_t mirrors = 0, others = 0;
+  for (int k = 0; k < 20000; ++k) {
+    const BsdfParams p = k % 2 ? extremeMaterial(rng) : randomMaterial(rng);
+    const auto direction = [&] { return localDirection(2.0 * rng.next() - 1.0, 6.28 * rng.next()); };
+    const Vec3 wo = direction(), wi = direction(), other = direction();
+    const BsdfView view(p, wo);
+    ASSERT_EQ(view.isDelta(), bsdfIsDelta(p)) << k;
+    ++(view.isDelta() ? mirrors : others);
+    const float uLobe = rng.next();
+    const Vec2 u(rng.next(), rng.next());
+    float pdfs[3], single;
+    BsdfSample drawn, fresh;
+    const BsdfValue first = view.evalPdf(wi, pdfs[0]);
+    const bool some = view.sample(uLobe, u, drawn);
+    view.evalPdf(other, pdfs[1]);
+    const BsdfValue again = view.evalPdf(wi, pdfs[2]), alone = bsdfEvalPdf(p, wo, wi, single);
+    ASSERT_EQ(some, bsdfSample(p, wo, uLobe, u, fresh)) << k;
+    for (const BsdfValue& v : {again, alone}) ASSERT_TRUE(v.diffuse == first.diffuse && v.specular == first.specular) << k;
+    ASSERT_EQ(pdfs[0], pdfs[2]) << k;
+    ASSERT_EQ(pdfs[0], single) << k;
+    ASSERT_TRUE(drawn.wi == fresh.wi && drawn.weight == fresh.weight && drawn.pdf == fresh.pdf && drawn.delta == fresh.delta) << k;
+    if (!(wo.z > 0.0f)) { ASSERT_TRUE(!some && single == 0.0f) << k; }
+  }
+  EXPECT_GT(mirrors, 500u);
+  EXPECT_GT(others, 5000u);
+}
+
 }  // namespace
 }  // namespace gobo::bsdf_furnace_test
