@@ -42,7 +42,7 @@ class Daemon {
   Daemon(const std::string& program, const std::string& folder, const std::string& storeBytes) : address_("unix:" + folder + "/gobod.sock") {
     const std::string log = folder + "/gobod.log", config = folder + "/gobod.toml";
     // All clients come from one address without a token: one caller to the daemon, whose part of the queue is three quarters.
-    std::ofstream(config) << "[engine]\nstore_bytes = \"" << storeBytes << "\"\n[scheduler]\nqueued_interactive = 256\n";
+    std::ofstream(config) << "[engine]\nstore_bytes = \"" << storeBytes << "\"\n[scheduler]\nqueued_interactive = 128\nqueued_normal = 64\n";
     pid_ = ::fork();
     if (pid_ == 0) {
       if (!std::freopen(log.c_str(), "w", stdout) || !std::freopen(log.c_str(), "a", stderr)) ::_exit(126);
