@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // KnownErrors: how wrong finished pictures were, so that a dry run can say how wrong the next one will be. Of each picture (its request without
 // samples, seed, size and encoding) the noise that its snapshots showed and its last two certificates; of each scene the noise of whichever picture was last.
-// Nothing is traced for it. Bounded: the least recently used picture goes. Thread-safe.
+// Nothing is traced for it. Bounded: the picture that was least recently rendered goes. Thread-safe.
 #pragma once
 
 #include <cstdint>

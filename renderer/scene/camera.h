@@ -66,8 +66,9 @@ class ThinLens {
   float inverseFocus_;
 };
 
-/// Rays of a width x height picture: what cameraRay and pixelFootprint give, without their tangent per call. They begin and end at the clipping planes.
 struct RayPacket;  // scene/ray_packet.h
+
+/// Rays of a width x height picture: what cameraRay and pixelFootprint give, without their tangent per call. They begin and end at the clipping planes.
 class FilmRays {
  public:
   FilmRays(const Camera& camera, int width, int height)
