@@ -603,6 +603,16 @@ class Plans(DaemonTest):
         self.assertEqual(self.cli("--json", *what).stdout, self.cli("--json", *what, "--plan-all").stdout)
         self.assertEqual(len(json.loads(self.cli("--json", *what).stdout)["plan"]), len(every))
 
+    def test_the_error_to_expect(self):
+        picture = ["fence", "--size", "24x16"]  # of no other test here: nothing is known of it
+        said = lambda *more: [line for line in self.cli("plan", *picture, *more).stdout.splitlines() if line.startswith("expected error")]
+        self.assertRegex(said("--spp", "8")[0], "not known")
+        with tempfile.TemporaryDirectory() as folder:
+            self.cli("render", *picture, "--spp", "32", "--progressive", "-o", os.path.join(folder, "a.exr"))
+            self.assertRegex(said("--spp", "8")[0], r"^expected error: noise [0-9.e-]+; from snapshots of this picture, 32 samples$")
+            self.cli("render", *picture, "--spp", "16", "--certificate", "-o", os.path.join(folder, "b.exr"))
+        self.assertRegex(said("--spp", "8")[0], r"^expected error: RMSE [0-9.e-]+.*; from certificates of this picture, 16 samples$")
+
     def test_replies_too(self):
         what = ["render", "lights8", "--size", "16x12", "--spp", "1", "--set", "shadows=ray_traced", "--outputs", "direct"]
         self.assertIn("rows are shown as", self.cli(*what).stdout)
