@@ -4,10 +4,11 @@
 // that path tracing takes to the lights' error (its squared error falls as 1 / samples), and the ratio. RMSE is the root of the mean of
 // (x - a)(x - b) over pixels and channels, a and b the reference's halves: free of its noise. All at the same view samples. Each figure
 // is from an engine that has the scene and its acceleration structure but no term: G-buffer, surface and fit are in the lights' time.
+// Last what environment.area_lights_if_worth says of each count of lights, by its look at a small picture.
 // The CPU clock, because cores may be shared.
 // With --exhaustive also every texel of the map by N x N directions each (techniques/transfer/exhaustive_light.h), which has no noise: a small map and picture.
 // The scene's own lights are off then and there is one view sample a pixel.
-// Arguments: --scene NAME --env FILE|sky --set assignments of the request, separated by spaces --technique ASSIGNMENT below `shadows.`
+// Arguments: --scene NAME|FILE --env FILE|sky --set assignments of the request, separated by spaces --technique ASSIGNMENT below `shadows.`
 //            --size WxH --lights N,N,... --extract-by WAY,WAY,... (also as many directional lights, environment.extract_by) --spp N,N,... --exhaustive N,N,...
 //            --reference N (each half) --threads N --out PATH --pictures PREFIX (writes .exr)
 #include <sys/resource.h>
@@ -43,6 +44,7 @@ double cpu() {
 struct Run {
   Image image;
   double seconds = 0, fit = 0;
+  std::string worth;  ///< what a look said of area lights
 };
 
 class Bench {
@@ -56,6 +58,7 @@ class Bench {
     options.anyPath = true;
     auto engine = Engine::create(options);
     if (!engine.ok()) fail(engine.status());
+    if (auto opened = (*engine)->openScene(request_.scene(), request_.scene()); !opened.ok()) fail(opened.status());
     v1::RenderRequest warm = request_, r = request_;
     for (const std::string& e : edits)
       if (const Status s = setPath(r, e); !s.ok()) fail(s);
@@ -72,6 +75,7 @@ class Bench {
     run.image = result->images[0].image();
     for (const auto& n : result->reply.plan())
       if (n.node() == "area_lights" || n.node() == "extract_lights") run.fit = n.ms() * 1e-3;
+      else if (n.node() == "path tracing of the environment map" || n.node() == "area lights of the environment map") run.worth = n.reason();
     keep(run.image, name);
     return run;
   }
@@ -112,6 +116,7 @@ class Bench {
     options.anyPath = true;
     auto engine = Engine::create(options);
     if (!engine.ok()) fail(engine.status());
+    if (auto opened = (*engine)->openScene(request_.scene(), request_.scene()); !opened.ok()) fail(opened.status());
     auto scene = (*engine)->loadScene(request_.scene(), true);
     if (!scene.ok()) fail(scene.status());
     return *scene;
@@ -184,11 +189,15 @@ int main(int argc, char** argv) {
     const double error = relativeError(r.image, a.image, b.image), traced = secondsPerVariance / (error * error);
     table.add({std::string("exhaustive"), std::atof(n.c_str()), error, r.seconds, 0.0, traced, traced / r.seconds});
   }
+  std::string looks;
   const std::string lights = argumentOr(argc, argv, "--lights", "10,20,30,45,60,100");
   for (const std::string& n : partsOf(lights, ',')) {
     const Run r = bench.render({"shadows." + technique, "environment.area_lights=" + n, "halt.spp=1"}, "lights_" + n);
     const double error = relativeError(r.image, a.image, b.image), traced = secondsPerVariance / (error * error);
     table.add({std::string("area lights"), std::atof(n.c_str()), error, r.seconds, r.fit, traced, traced / r.seconds});
+    const Run weighed =
+        bench.render({"shadows." + technique, "environment.area_lights=" + n, "environment.area_lights_if_worth=true", "halt.spp=1"}, "weighed_" + n);
+    looks += n + " area lights: " + weighed.worth + "\n";
   }
   for (const std::string& by : partsOf(argumentOr(argc, argv, "--extract-by", ""), ','))
     for (const std::string& n : partsOf(lights, ',')) {
@@ -196,7 +205,7 @@ int main(int argc, char** argv) {
       const double error = relativeError(r.image, a.image, b.image), traced = secondsPerVariance / (error * error);
       table.add({by, std::atof(n.c_str()), error, r.seconds, r.fit, traced, traced / r.seconds});
     }
-  std::printf("%s", table.text().c_str());
+  std::printf("%s%s", table.text().c_str(), looks.c_str());
   const std::string out = argumentOr(argc, argv, "--out", "");
   if (out.empty()) return 0;
   if (const Status s = table.write(out); !s.ok()) fail(s);

@@ -7,7 +7,7 @@ export function plain(request) {
   const out = structuredClone(request);
   for (const name of ['shadows', 'certificate', 'halt', 'window', 'encoding', 'scheduling', 'outputs']) delete out[name];
   for (const light of Object.values(out.lights ?? {})) delete light.shadow;
-  for (const name of ['extract_lights', 'area_lights', 'transfer', 'subtractive']) delete out.environment?.[name];
+  for (const name of ['extract_lights', 'area_lights', 'area_lights_if_worth', 'transfer', 'subtractive']) delete out.environment?.[name];
   for (const name of ['denoise', 'filters']) delete out[name];
   return out;
 }

@@ -60,30 +60,6 @@ Result<Denoisers> choicesOf(Known light, bool fast, bool halves, bool lens) {
 
 }  // namespace
 
-namespace {
-
-/// Adds the contributions to `sum` (-1: nothing yet).
-void addTo(Expression& e, std::vector<NodeId>& inputs, int& sum, std::span<const Contribution> contributions) {
-  for (const Contribution& k : contributions) {
-    auto at = std::find(inputs.begin(), inputs.end(), k.node);
-    if (at == inputs.end()) at = inputs.insert(inputs.end(), k.node);
-    const int plane = e.plane(int(at - inputs.begin()), k.plane);
-    if (sum < 0) sum = e.constant(Vec3(0.0f));
-    sum = e.multiplyAdd(sum, k.weight, plane);
-  }
-}
-
-}  // namespace
-
-NodeId planSum(PlanContext& c, std::span<const Contribution> contributions, const std::string& label) {
-  Expression e;
-  std::vector<NodeId> inputs;
-  int sum = -1;
-  addTo(e, inputs, sum, contributions);
-  if (sum < 0) e.constant(Vec3(0.0f));
-  return c.filter(makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), label);
-}
-
 bool needsCurvature(const v1::RenderRequest& request, size_t groups) {
   const v1::Denoise& settings = request.denoise();
   if (!settings.has_auto_()) return settings.has_axis_aligned();

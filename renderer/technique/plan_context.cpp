@@ -31,6 +31,10 @@ PlanContext::PlanContext(const PlanInput& input, Graph& graph)
   }
 }
 
+PlanContext PlanContext::otherPicture(const v1::RenderRequest& request, uint32_t passes, const Distinctions& apart) const {
+  return PlanContext({request, in_.effective, in_.groups, passes, {}, apart, in_.stop, in_.expand, {}, 0, in_.lensAtTimes}, graph_);
+}
+
 Vec3 PlanContext::groupGain(int group) const {
   const auto& members = in_.groups.members[size_t(group)];
   return members.size() == 1 ? in_.effective.gains[size_t(members[0])] : Vec3(in_.groups.scaleOf(group));

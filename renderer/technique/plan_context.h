@@ -76,6 +76,9 @@ struct PlanInput {
 class PlanContext {
  public:
   PlanContext(const PlanInput& input, Graph& graph);
+  /// The same question of another picture (`request`, which must outlive it), planned into the same graph: of all of its window, in numbers of its own, and
+  /// what it brings is not brought here. For techniques that look before they choose.
+  PlanContext otherPicture(const v1::RenderRequest& request, uint32_t passes, const Distinctions& apart) const;
 
   // The question
   const v1::RenderRequest& request() const { return in_.request; }

@@ -39,6 +39,7 @@ v1::RenderRequest truthRequest(v1::RenderRequest request, TruthBy by, uint32_t s
   if (request.has_environment()) {
     request.mutable_environment()->clear_extract_lights();
     request.mutable_environment()->clear_area_lights();
+    request.mutable_environment()->clear_area_lights_if_worth();
     request.mutable_environment()->clear_transfer();
     request.mutable_environment()->clear_subtractive();
   }

@@ -155,6 +155,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"environment.extract_lights", "Rerun.EnvironmentRotationAndExtraction"},
       {"environment.extract_by", "Rerun.EnvironmentRotationAndExtraction"},
       {"environment.area_lights", "Rerun.EnvironmentAsAreaLights"},
+      {"environment.area_lights_if_worth", "AreaLightsWorth.AnEditRunsWhatItChanges"},
       {"environment.transfer", "Rerun.EnvironmentByTransfer"},
       {"environment.subtractive", "Subtractive.AnEditRunsWhatItChanges"},
       {"filters", "Filters.EachIsItsNodeBehindTheBeauty and Filters.AChainIsAppliedInItsOrder"},

@@ -41,14 +41,15 @@ TEST(Truth, OutputsOfLightHaveOneByPathsAndVisibilityByRays) {
 TEST(Truth, HasNoApproximation) {
   v1::RenderRequest request =
       requestOf({"shadows.axis_aligned.k=3", "lights.light.shadow.variance.bleeding_reduction=0.2", "lights.light.gain=2,2,2", "environment.constant=1,1,1",
-                 "environment.transfer.bands=4", "environment.extract_lights=8", "environment.area_lights=3", "environment.subtractive.lights=5",
-                 "denoise=auto", "halt.time_s=2", "filters[0].bloom.gain=0.3", "certificate.spp=8", "integrator.max_bounces=2", "seed=4"});
+                 "environment.transfer.bands=4", "environment.extract_lights=8", "environment.area_lights=3", "environment.area_lights_if_worth=true",
+                 "environment.subtractive.lights=5", "denoise=auto", "halt.time_s=2", "filters[0].bloom.gain=0.3", "certificate.spp=8",
+                 "integrator.max_bounces=2", "seed=4"});
   const v1::RenderRequest truth = truthRequest(request, TruthBy::Paths, 96, 11);
   EXPECT_TRUE(truth.shadows().has_path_traced());
   EXPECT_FALSE(truth.lights().at("light").has_shadow());
   EXPECT_EQ(truth.lights().at("light").gain().x(), 2);
   EXPECT_FALSE(truth.environment().has_transfer() || truth.environment().has_subtractive() || truth.environment().has_extract_lights() ||
-               truth.environment().has_area_lights());
+               truth.environment().has_area_lights() || truth.environment().has_area_lights_if_worth());
   EXPECT_TRUE(truth.environment().has_constant());
   EXPECT_FALSE(truth.has_denoise() || truth.has_certificate());
   EXPECT_EQ(truth.filters_size(), 0);
