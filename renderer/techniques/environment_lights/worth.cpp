@@ -21,7 +21,7 @@ namespace {
 constexpr double kLookPixels = 1024;
 constexpr uint32_t kLookSamples = 128;  // of path tracing, each of two pictures
 constexpr uint32_t kLeastSide = 4;
-constexpr double kLeastGain = 2.0;  // what the lights get wrong no sample cures, and a look misses small highlights
+constexpr double kLeastGain = 1.5;  // what the lights get wrong no sample cures
 
 /// Direct light of a small picture of the request's view. `part`: which of the look's pictures; each has numbers of its own.
 v1::RenderRequest smallRequest(const v1::RenderRequest& request, uint64_t part) {
@@ -66,15 +66,17 @@ Result<Expense> expenseOf(Graph& graph, Add&& plan) {
 LookedAt compared(std::span<const float> x, std::span<const float> a, std::span<const float> b) {
   LookedAt out;
   const double n = double(x.size());
-  double squares = 0;
+  double squares = 0, quartics = 0;
   for (size_t i = 0; i < x.size(); ++i) {
-    const double error2 = (double(x[i]) - a[i]) * (double(x[i]) - b[i]), apart = double(a[i]) - b[i];
+    const double error2 = (double(x[i]) - a[i]) * (double(x[i]) - b[i]), apart = double(a[i]) - b[i], variance = 0.5 * apart * apart * kLookSamples;
     out.mean += 0.5 * (double(a[i]) + b[i]) / n;
     out.error2 += error2 / n;
     squares += error2 * error2 / n;
-    out.variance += 0.5 * apart * apart * kLookSamples / n;
+    out.variance += variance / n;
+    quartics += variance * variance / n;
   }
   out.doubt = std::sqrt(std::max(0.0, squares - out.error2 * out.error2) / n);
+  out.varianceDoubt = std::sqrt(std::max(0.0, quartics - out.variance * out.variance) / n);
   return out;
 }
 
@@ -88,8 +90,9 @@ std::string number(const char* format, double v) {
 
 LightsWorth worthBy(const LookedAt& seen, const std::string& lights) {
   if (!(seen.mean > 0)) return {true, "a look at a small picture found no light of the map: " + lights + " were asked for"};
-  // A standard error above what was found: few pixels hold most of the error, and a look sees few of them.
-  const double error2 = std::max(seen.error2, 0.0) + seen.doubt, paths2 = seen.variance / std::max(seen.samples, 1.0);
+  // Each a standard error to the lights' disadvantage: few pixels hold most of an error, and a look sees few of them.
+  const double error2 = std::max(seen.error2, 0.0) + seen.doubt;
+  const double paths2 = std::max(seen.variance - seen.varianceDoubt, 0.0) / std::max(seen.samples, 1.0);
   const double gain = error2 > 0 ? paths2 / error2 : kLeastGain;
   return {gain >= kLeastGain, (gain >= kLeastGain ? "worth it" : "not worth it") + std::string(", by a look at a small picture: path tracing would take ") +
                                   number("%.2g", gain) + " times as long as " + lights + " to their error, at most " +
