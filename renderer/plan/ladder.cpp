@@ -80,6 +80,7 @@ std::optional<v1::RenderRequest> plainRung(const v1::RenderRequest& rung) {
     plain.mutable_environment()->clear_transfer();
     plain.mutable_environment()->clear_extract_lights();
     plain.mutable_environment()->clear_area_lights();
+    plain.mutable_environment()->clear_area_lights_if_worth();
     plain.mutable_environment()->clear_subtractive();
   }
   if (google::protobuf::util::MessageDifferencer::Equals(plain, rung)) return std::nullopt;

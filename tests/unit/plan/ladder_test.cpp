@@ -127,6 +127,7 @@ TEST(Ladder, WhatHasToLookFirstIsPathTraced) {
   r.mutable_environment()->mutable_transfer();
   r.mutable_environment()->set_extract_lights(8);
   r.mutable_environment()->set_area_lights(8);
+  r.mutable_environment()->set_area_lights_if_worth(true);
   (*r.mutable_lights())["key"].mutable_shadow()->mutable_auto_();
   (*r.mutable_lights())["key"].set_intensity(3);
   const auto plain = plainRung(r);
