@@ -11,6 +11,7 @@
 #include "base/status.h"
 #include "filters/stylised/style_formulas.h"
 #include "gobo/v1/render.pb.h"
+#include "scene/scene.h"
 
 namespace gobo {
 inline namespace request {
