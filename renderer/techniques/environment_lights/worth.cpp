@@ -129,7 +129,8 @@ Result<LightsWorth> worthOfAreaLights(PlanContext& c, int map) {
     pictures.push_back(std::move(picture));
   }
   if (c.bounding()) {
-    c.reserve(byPaths.bytes);
+    // Of the window that is rendered; what decides is of the whole picture.
+    c.reserve(uint64_t(double(byPaths.bytes) * c.view().width * c.view().height / (double(c.request().width()) * c.request().height())));
     return LightsWorth{true, "a look at a small picture decides whether they are worth it"};
   }
   LookedAt seen = compared(pictures[0]->floats("rgb"), pictures[1]->floats("rgb"), pictures[2]->floats("rgb"));

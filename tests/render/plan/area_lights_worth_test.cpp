@@ -138,5 +138,14 @@ TEST(AreaLightsWorth, ADryRunSaysThatALookDecides) {
   EXPECT_TRUE(plan->decides_while_planning());
 }
 
+TEST(AreaLightsWorth, AWindowReservesNoMoreThanItMayHold) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = worthRequest("cornell", kSunnySky);
+  for (const char* e : {"width=8192", "height=8192", "window.x=8", "window.y=4", "window.width=16", "window.height=8"}) set(r, e);
+  const auto plain = engine->plan(r), looks = engine->plan(weighed(r));
+  ASSERT_TRUE(plain.ok() && looks.ok()) << plain.status().toString() << looks.status().toString();
+  EXPECT_LT(looks->pinned_bytes(), plain->pinned_bytes() + (8u << 20));  // a small picture and its paths; the whole one's would be gigabytes
+}
+
 }  // namespace
 }  // namespace gobo::testing
