@@ -7,12 +7,14 @@
 #include <cstdio>
 #include <filesystem>
 #include <map>
+#include <set>
 
 #include "filters/automatic/automatic.h"
 #include "measure/report.h"
 #include "shadow/bilateral_kernels.h"
 #include "shadow/options.h"
 #include "shadow/techniques.h"
+#include "terms/gbuffer.h"
 
 namespace gobo::shadowbench {
 namespace {
@@ -38,8 +40,14 @@ std::vector<SceneEntry> regretScenes() {
 bool tunedOn(const std::string& scene) { return scene == "fence" || scene == "planes" || scene == "grids" || scene == "boxes"; }
 
 /// What chooseShadow evaluates while it plans: each node once, inputs before.
-Result<TermPtr> evaluate(Runner& r, const Graph& graph, NodeId id, std::map<NodeId, TermPtr>& known, double& total) {
+struct Evaluated {
+  TermPtr term;
+  double ms = 0;
+};
+Result<TermPtr> evaluate(Runner& r, const Graph& graph, NodeId id, std::map<NodeId, Evaluated>& known) {
+  if (const auto at = known.find(id); at != known.end()) return at->second.term;
   const GraphNode& n = graph.at(id);
+  for (const NodeId i : n.inputs) GOBO_TRY(evaluate(r, graph, i, known).status());
   std::vector<double> times;
   TermPtr out;
   for (int k = 0; k < 3; ++k) {
@@ -48,13 +56,12 @@ Result<TermPtr> evaluate(Runner& r, const Graph& graph, NodeId id, std::map<Node
     ctx.scene = &view;
     ctx.arena = &r.arena();
     ctx.accels = &r.accels();
-    for (const NodeId i : n.inputs) ctx.inputs.push_back(known.at(i));
+    for (const NodeId i : n.inputs) ctx.inputs.push_back(known.at(i).term);
     const double begin = r.now();
     GOBO_ASSIGN(out, runNode(*n.node, ctx));
     times.push_back(r.now() - begin);
   }
-  total += median(times);
-  known[id] = out;
+  known[id] = {out, median(times)};
   return out;
 }
 
@@ -95,8 +102,22 @@ Result<Case> choose(Runner& r, double budget) {
   input.seed = 1;
   v1::ShadowTechnique t;
   t.mutable_auto_()->set_error(budget);
-  std::map<NodeId, TermPtr> known;
-  GOBO_ASSIGN(c.choice, chooseShadow(graph, input, t, [&](const Graph& g, NodeId id) { return evaluate(r, g, id, known, c.probeMs); }));
+  std::map<NodeId, Evaluated> known;
+  GOBO_ASSIGN(c.choice, chooseShadow(graph, input, t, [&](const Graph& g, NodeId id) { return evaluate(r, g, id, known); }));
+  for (const auto& [id, e] : known) c.probeMs += e.ms;
+  // What the choice was judged by and needs again, its map, is there already: structurally equal nodes are one, and the server's store keeps them.
+  const v1::ShadowTechnique& chosen = c.choice.candidates[c.choice.chosen].technique;
+  input.gbuffer = graph.add({makeGBufferNode({input.camera, input.width, input.height, 1}), {}, {}, "gbuffer", 0, input.scene, false});
+  GOBO_ASSIGN(const NodeId node, findShadowTechnique(chosen.technique_case())->plan(graph, input, chosen));
+  std::vector<NodeId> open{node};
+  std::set<NodeId> seen;
+  while (!open.empty()) {
+    const NodeId id = open.back();
+    open.pop_back();
+    if (!seen.insert(id).second) continue;
+    if (const auto at = known.find(id); at != known.end()) c.probeMs -= at->second.ms;
+    for (const NodeId i : graph.at(id).inputs) open.push_back(i);
+  }
   return c;
 }
 
@@ -241,7 +262,8 @@ int costs(Options o) {
     o.height = 480;
   }
   if (!o.truth) o.truth = 512;
-  Table table("shadow_costs", {"scene", "kind", "candidate", "predicted ms", "measured ms", "ratio", "expected", "its error", "receivers"});
+  Table table("shadow_costs", {"scene", "kind", "candidate", "predicted ms", "measured ms", "ratio", "expected", "its error", "receivers", "taps", "boxes",
+                               "rows", "vectors", "light space ms"});
   for (const SceneEntry& e : regretScenes()) {
     if (!o.only.empty() ? e.scene.find(o.only) == std::string::npos : !tunedOn(e.scene)) continue;
     for (const bool soft : {false, true}) {
@@ -262,10 +284,12 @@ int costs(Options o) {
       for (const AutomaticCandidate& c : picked->choice.candidates) {
         const auto m = r.measure(c.technique);
         if (!m.ok()) continue;
+        const auto at = [&](size_t i) { return i < c.work.size() ? c.work[i] : 0.0; };
         table.add({e.scene, std::string(soft ? "soft" : "hard"), c.text, c.ms, m->ms.total(), m->ms.total() / c.ms, c.judged ? c.rmse : 0.0,
-                   errorsOf(*truth, m->V).rmse, picked->choice.receivers});
+                   errorsOf(*truth, m->V).rmse, picked->choice.receivers, at(0), at(1), at(2), at(3), m->ms.map()});
       }
-      table.add({e.scene, std::string(soft ? "soft" : "hard"), std::string("(probes)"), 0.0, picked->probeMs, 0.0, 0.0, 0.0, picked->choice.receivers});
+      table.add({e.scene, std::string(soft ? "soft" : "hard"), std::string("(probes)"), 0.0, picked->probeMs, 0.0, 0.0, 0.0, picked->choice.receivers, 0.0, 0.0,
+                 0.0, 0.0, 0.0});
     }
   }
   std::fputs(table.text().c_str(), stdout);

@@ -180,7 +180,10 @@ struct Engine::Impl {
       Executor executor(graph, executorServices(guard, small, sceneId), stop);
       executor.asks(std::array{node});
       GOBO_ASSIGN(TermPtr term, executor.evaluate(node));
-      if (expanded) (*expanded)[node] = executor.report(node);
+      for (NodeId id = 0; expanded && id <= node; ++id) {  // and what it took
+        const ExecutedNode e = executor.report(id);
+        if (id == node || e.state == ExecutedNode::State::Run) (*expanded)[id] = e;
+      }
       return term;
     };
     return s;

@@ -155,6 +155,11 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     if (technique.has_axis_aligned()) r.add_outputs("beauty"), r.add_outputs("shadow_rays:lamp");
     if (technique.has_convolution()) r.add_outputs("beauty"), r.add_outputs("shadow_basis:lamp");
     all.emplace_back(t.name, r);
+    if (technique.has_auto_()) {  // hard maps are looked at by other nodes than soft ones
+      v1::RenderRequest spot = withLamp(width, height, LightKind::Spot);
+      *(*spot.mutable_lights())["lamp"].mutable_shadow() = technique;
+      all.emplace_back("auto of a spot", spot);
+    }
     if (technique.has_percentage_closer()) {
       r.set_scene("pane");
       all.emplace_back("pane", r);

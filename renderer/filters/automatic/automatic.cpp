@@ -3,30 +3,20 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "base/sobol.h"
+#include "filters/automatic/candidates.h"
 #include "filters/automatic/decision.h"
 #include "filters/automatic/shadow_probe.h"
 #include "filters/parameter.h"
 #include "filters/ray_traced/technique.h"
 #include "filters/shadow_map/techniques.h"
-#include "filters/soft_shadow/soft_shadow.h"
+#include "filters/soft_shadow/techniques.h"
 
 namespace gobo {
 inline namespace filters {
 namespace {
-
-// Nanoseconds on the machine of docs/benchmarks.md (2 cores), by `bench/shadow_bench costs`.
-struct Costs {
-  double sample = 2;                                             // a view sample that only background or the wrong side shows
-  double shadowRay = 13, softRay = 40;                           // one occlusion query with its set-up, in packets, among 1000 triangles
-  double tree = 0.38, alpha = 0.8;                               // rays: share more per doubling of triangles; per share of triangles with alpha
-  double depthTexel = 0.45, depthEdge = 11, depthTriangle = 15;  // scan conversion: t texels and r triangles cost a t + b sqrt(r t) + c r
-  double hardLookup = 5.5;                                       // percentage-closer
-  double softTexel = 0.4, softSearch = 22, softFilter = 88;      // depth bounds; a lookup: the search, and the rest in penumbras
-  double probeRay = 25;                                          // a ray of a probe
-  double depth(double texels, double triangles) const { return depthTexel * texels + depthEdge * std::sqrt(texels * triangles) + depthTriangle * triangles; }
-};
 
 constexpr uint32_t kEnvironmentRays = 4;  // bench/environment_bench
 // Looks, each closer than those before: numbers of ProbeDesign. A later one is taken only where it can pay for itself (decision.h).
@@ -34,165 +24,200 @@ struct LookSize {
   int cells, split, judged;
 };
 constexpr LookSize kHardLooks[] = {{576, 64, 96}, {1152, 192, 384}, {2304, 512, 1536}};
-constexpr LookSize kSoftLooks[] = {{576, 64, 96}, {1152, 128, 288}};
-constexpr double kHardTaps = 4, kSoftTaps = 136;  // rays a view sample that a map's probe takes, at most
+constexpr LookSize kSoftLooks[] = {{576, 64, 96}, {1152, 128, 288}, {2304, 512, 1152}};
+constexpr double kHardTaps = 4;    // rays a view sample that a virtual map takes
+constexpr double kMapHelps = 0.5;  // chance that a soft map which was not judged yet keeps the error
 
-bool areaLight(const LightShape& s) { return s.kind == LightKind::Rect || s.kind == LightKind::Disk || s.kind == LightKind::Sphere || isWideDirectional(s); }
-
-struct Shapes {
-  double triangles = 0, alpha = 0;
-};
-Shapes shapesOf(const Scene& scene) {
-  Shapes s;
-  for (const Instance& i : scene.instances) {
-    const Mesh& mesh = *scene.meshes[size_t(i.mesh)];
-    const double n = double(mesh.triangles());
-    s.triangles += n;
-    if (scene.materials[size_t(mesh.material)].coverage.mode != AlphaMode::Opaque) s.alpha += n;
+class Chooser {
+ public:
+  using Expand = std::function<Result<TermPtr>(const Graph&, NodeId)>;
+  Chooser(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, Candidates candidates, const Expand& expand)
+      : graph_(graph),
+        input_(input),
+        base_(shadowMapSettings(technique.map())),
+        expand_(expand),
+        light_(input.scene->lights[size_t(input.light)]),
+        soft_(castsSoftShadows(light_.shape)),
+        samples_(double(input.filmWidth()) * input.filmHeight() * input.viewSamples),
+        costs_(std::move(candidates.costs)),
+        rays_(candidates.rays.size()),
+        probeRay_(candidates.probeRay),
+        traced_(rays_),
+        evidence_(candidates.list.size()) {
+    choice_.candidates = std::move(candidates.list);
+    const v1::AutomaticShadow& a = technique.auto_();
+    budget_ = {numberParameter(a, "error"), a.has_time_ms() ? a.time_ms() : 0.0};
+    probe_.rays = std::move(candidates.rays);
+    probe_.camera = input.camera;
+    probe_.width = input.filmWidth();
+    probe_.height = input.filmHeight();
+    probe_.viewSamples = input.viewSamples;
+    probe_.clear = input.clear;
   }
-  return s;
-}
+
+  Result<AutomaticChoice> choose() {
+    const std::span<const LookSize> looks = soft_ ? std::span<const LookSize>(kSoftLooks) : std::span<const LookSize>(kHardLooks);
+    std::vector<size_t> maps(evidence_.size() - rays_);  // that a look is for
+    std::iota(maps.begin(), maps.end(), rays_);
+    for (size_t look = 0; look < looks.size(); ++look) {
+      design(looks[look]);
+      probe_.seed = look == 0 ? shadowSeed(input_) : hash64(shadowSeed(input_), look);
+      GOBO_ASSIGN(const bool seen, judgeRays(look));
+      if (!seen) {
+        GOBO_TRY(boundOf(looks.back(), looks.size() - 1));
+        return choice_;
+      }
+      while (!maps.empty()) {  // the cheapest first: others may be too dear then
+        const auto at = std::min_element(maps.begin(), maps.end(), [&](size_t x, size_t y) { return evidence_[x].ms < evidence_[y].ms; });
+        const size_t k = *at;
+        maps.erase(at);
+        if (look > 0 || worthJudging(k)) GOBO_TRY(judgeMap(k, look));
+      }
+      choice_.chosen = chooseByEvidence(evidence_, budget_);
+      const std::vector<size_t> rivals = rivalsOf(evidence_, budget_, choice_.chosen);
+      if (look + 1 == looks.size()) break;
+      for (const size_t k : rivals)
+        if (k >= rays_) maps.push_back(k);
+      if (choice_.chosen >= rays_) maps.push_back(choice_.chosen);
+      design(looks[look + 1]);
+      const double taps = soft_ ? 0.0 : kHardTaps * double(maps.size()) * probe_.judged * input_.viewSamples;  // a soft lookup is nothing beside 60 rays
+      if (!worthAnotherLook(evidence_, budget_, choice_.chosen, rivals, (shadowProbeRays(probe_) + taps) * probeRay_ * 1e-6)) break;
+    }
+    for (size_t k = 0; k < evidence_.size(); ++k) {
+      AutomaticCandidate& c = choice_.candidates[k];
+      c.ms = evidence_[k].ms;
+      c.judged = evidence_[k].judged();
+      c.rmse = evidence_[k].high();
+    }
+    return choice_;
+  }
+
+ private:
+  void design(const LookSize& look) {
+    probe_.cells = look.cells;
+    probe_.split = look.split;
+    probe_.judged = look.judged;
+  }
+  static std::string nameOf(size_t look) { return look == 0 ? "" : " look " + std::to_string(look + 1); }
+
+  /// False: nothing is run while planning.
+  Result<bool> judgeRays(size_t look) {
+    node_ = graph_.add({makeShadowProbeNode(probe_), {}, {input_.light}, "shadow_probe:" + light_.name + nameOf(look), 0, input_.scene, false});
+    GOBO_ASSIGN(const TermPtr judged, expand_(graph_, node_));
+    if (!judged) return false;
+    const double more = probe_.judged;
+    choice_.receivers = (pixels_ * choice_.receivers + more * judged->plane<double>("share")[0]) / (pixels_ + more);
+    pixels_ += more;
+    for (size_t k = 0; k < rays_; ++k) traced_[k].add(judged->plane<double>("mse")[k], judged->plane<double>("variance")[k], more);
+    const std::vector<ProbeEvidence> falling = fallingErrors(traced_);
+    std::copy(falling.begin(), falling.end(), evidence_.begin());
+    retime();
+    return true;
+  }
+
+  /// Asks for what holds most of all that may be asked for: the closest look, by the largest map.
+  Status boundOf(const LookSize& closest, size_t look) {
+    design(closest);
+    GOBO_TRY(judgeRays(look).status());
+    if (rays_ < evidence_.size()) GOBO_TRY(errorsOf(evidence_.size() - 1, look).status());
+    return {};
+  }
+
+  Result<TermPtr> errorsOf(size_t k, size_t look) {
+    const std::string of = light_.name + " " + choice_.candidates[k].text + nameOf(look);
+    GOBO_ASSIGN(const NodeId visibility, visibilityOf(k, of));
+    return expand_(graph_, graph_.add({makeProbeErrorsNode(input_.viewSamples), {node_, visibility}, {}, "probe_errors:" + of, 0, nullptr, false}));
+  }
+  Status judgeMap(size_t k, size_t look) {
+    AutomaticCandidate& candidate = choice_.candidates[k];
+    GOBO_ASSIGN(const TermPtr term, errorsOf(k, look));
+    const double before = evidence_[k].pixels, more = probe_.judged;
+    if (term->hasPlane("work")) {
+      const auto work = term->plane<double>("work");
+      candidate.work.resize(work.size(), 0.0);
+      for (size_t i = 0; i < work.size(); ++i) candidate.work[i] = (before * candidate.work[i] + more * work[i]) / (before + more);
+    }
+    evidence_[k].add(term->plane<double>("mse")[0], term->plane<double>("variance")[0], more);
+    retime();
+    return {};
+  }
+  /// What map k says of the pixels that the probe looks at.
+  Result<NodeId> visibilityOf(size_t k, const std::string& of) {
+    if (const std::optional<ProbeMap>& map = costs_[k].virtualMap)
+      return graph_.add({makeMapProbeNode({*map, base_.bias, base_.slopeBias, input_.clear}), {node_}, {}, "map_probe:" + of, 0, input_.scene, false});
+    ShadowInput there = input_;
+    there.gbuffer = node_;
+    GOBO_ASSIGN(const NodeId visibility, planPercentageCloserSoftWork(graph_, there, choice_.candidates[k].technique));
+    graph_.addToLabels(visibility, " probe" + of.substr(light_.name.size()));
+    return visibility;
+  }
+
+  void retime() {
+    for (size_t k = 0; k < evidence_.size(); ++k) evidence_[k].ms = costs_[k].time(samples_, choice_.receivers, workOf(k));
+  }
+  /// Of a map that was not judged: at least what a smaller one with no more taps does.
+  const std::vector<double>& workOf(size_t k) const {
+    size_t from = k;
+    for (size_t j = rays_; j < evidence_.size(); ++j)
+      if (!evidence_[k].judged() && evidence_[j].judged() && costs_[j].taps <= costs_[k].taps && costs_[j].resolution <= costs_[k].resolution) from = j;
+    return choice_.candidates[from].work;
+  }
+
+  /// One that cannot win by its time is not judged, nor a soft map whose making is probably lost.
+  bool worthJudging(size_t k) const {
+    if (std::none_of(evidence_.begin(), evidence_.end(), [](const ProbeEvidence& e) { return e.judged(); })) return true;
+    const ProbeEvidence& best = evidence_[chooseByEvidence(evidence_, budget_)];
+    if (budget_.timeMs > 0) return evidence_[k].ms <= budget_.timeMs || best.ms > budget_.timeMs;
+    const bool keeps = best.high() <= budget_.error;
+    if (keeps && evidence_[k].ms >= best.ms) return false;
+    if (!soft_) return true;
+    bool made = false;
+    for (size_t j = rays_; j < evidence_.size(); ++j) {
+      if (!evidence_[j].judged()) continue;
+      made = made || costs_[j].resolution == costs_[k].resolution;
+      // The share of pixels within a texel of an edge, the mean square error of edges, falls with the width of a texel; what only the light's corners see does
+      // not fall at all.
+      const double falls = std::min(1.0, double(costs_[j].resolution) / costs_[k].resolution), keep = std::max(budget_.error, keeps ? 0.0 : best.high());
+      if (costs_[j].taps >= costs_[k].taps && falls * evidence_[j].low() * evidence_[j].low() > keep * keep) return false;
+    }
+    return made || !keeps || kMapHelps * (best.ms - evidence_[k].ms) > (1.0 - kMapHelps) * costs_[k].mapMs;
+  }
+
+  Graph& graph_;
+  const ShadowInput& input_;
+  ShadowMapSettings base_;
+  const Expand& expand_;
+  const Light& light_;
+  bool soft_;
+  double samples_;
+  std::vector<CandidateCost> costs_;
+  size_t rays_;  // the first candidates
+  double probeRay_;
+  ShadowBudget budget_;
+  ShadowProbeSettings probe_;
+  NodeId node_ = -1;
+  double pixels_ = 0;
+  std::vector<ProbeEvidence> traced_, evidence_;  // of the rays as they were judged; of all
+  AutomaticChoice choice_;
+};
 
 }  // namespace
 
 Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique,
                                      const std::function<Result<TermPtr>(const Graph&, NodeId)>& expand) {
   const Light& light = input.scene->lights[size_t(input.light)];
-  const bool soft = areaLight(light.shape), mapped = shadowMapSupports(light.shape.kind);
-  const bool delta = isDeltaLight(light.shape);
-  const ShadowMapSettings base = shadowMapSettings(technique.map());
-  AutomaticChoice choice;
-  ShadowProbeSettings probe;
-  std::vector<ProbeMap> maps;
-  const double samples = double(input.filmWidth()) * input.filmHeight() * input.viewSamples;
-  const Costs cost;
-  const Shapes shapes = shapesOf(*input.scene);
-  const double deep = (1.0 + cost.tree * std::log2(1.0 + shapes.triangles / 1000.0)) * (1.0 + cost.alpha * shapes.alpha / std::max(shapes.triangles, 1.0));
-
   if (light.shape.kind == LightKind::Directional &&
       light.shape.skyRectangle != Vec2(0.0f)) {  // one of many lights that stand for an environment: their noise averages out, a map's errors add up
+    AutomaticChoice choice;
     AutomaticCandidate c;
     c.technique.mutable_ray_traced()->set_samples(kEnvironmentRays);
     c.text = "ray_traced, " + std::to_string(kEnvironmentRays) + " rays";
     choice.candidates.push_back(std::move(c));
     return choice;
   }
-  if (light.shape.kind != LightKind::Environment) {
-    probe.rays = delta ? std::vector<uint32_t>{1} : std::vector<uint32_t>{1, 2, 4, 8, 16, 32};
-    for (const uint32_t n : probe.rays) {
-      AutomaticCandidate c;
-      c.technique.mutable_ray_traced()->set_samples(n);
-      c.text = "ray_traced, " + std::to_string(n) + (n > 1 ? " rays" : " ray");
-      c.ms = n * (delta ? cost.shadowRay : cost.softRay) * deep;  // a receiver, for now
-      choice.candidates.push_back(std::move(c));
-    }
-  }
-  if (mapped) {
-    Vec3 lo, hi;
-    input.scene->bounds(lo, hi);
-    const ShadowTechniqueEntry* softMap = findShadowTechnique(v1::ShadowTechnique::kPercentageCloserSoft);
-    for (const int resolution : soft ? std::vector<int>{256, 512, 1024, 2048} : std::vector<int>{256, 512, 1024, 2048, 4096}) {
-      if (soft && !softMap) break;
-      ProbeMap m;
-      m.resolution = resolution;
-      GOBO_ASSIGN(m.frames, fitLightFrames(light.shape, lo, hi, resolution, 2));
-      AutomaticCandidate c;
-      *c.technique.mutable_map() = technique.map();
-      c.technique.mutable_map()->set_resolution(uint32_t(resolution));
-      if (soft) {
-        c.technique.mutable_percentage_closer_soft();
-        c.ms = (m.frames.count * (cost.depth(double(resolution) * resolution, shapes.triangles) + cost.softTexel * resolution * resolution) +
-                samples * cost.sample) *
-               1e-6;
-      } else {
-        c.technique.mutable_percentage_closer();
-        c.ms = (m.frames.count * cost.depth(double(resolution) * resolution, shapes.triangles) + samples * cost.hardLookup) * 1e-6;  // the whole picture
-      }
-      c.text = std::string(soft ? "percentage_closer_soft" : "percentage_closer") + ", " + std::to_string(resolution) + " texels";
-      choice.candidates.push_back(std::move(c));
-      maps.push_back(std::move(m));
-    }
-  }
-  if (choice.candidates.empty()) return invalidArgument("light '" + light.name + "': no shadow technique is left for shadows.auto");
-
-  probe.camera = input.camera;
-  probe.width = input.filmWidth();
-  probe.height = input.filmHeight();
-  probe.viewSamples = input.viewSamples;
-  probe.clear = input.clear;
-  const v1::AutomaticShadow& a = technique.auto_();
-  const ShadowBudget budget{numberParameter(a, "error"), a.has_time_ms() ? a.time_ms() : 0.0};
-  const std::span<const LookSize> looks = soft ? std::span<const LookSize>(kSoftLooks) : std::span<const LookSize>(kHardLooks);
-  const size_t rays = probe.rays.size();
-  std::vector<ProbeEvidence> evidence(choice.candidates.size());
-  std::vector<double> penumbra(evidence.size(), 0.0);
-  double pixels = 0;
-  // Rays are shot where the light can shine; soft lookups filter only in penumbras.
-  const auto time = [&](size_t k) {
-    const double ms = choice.candidates[k].ms;
-    if (k < rays) return samples * (cost.sample + choice.receivers * ms) * 1e-6;
-    return ms + (soft ? samples * choice.receivers * (cost.softSearch + penumbra[k] * cost.softFilter) * 1e-6 : 0.0);
-  };
-  std::vector<size_t> asked;  // maps that the look is for; the first asks for those that may win by their time
-  for (size_t look = 0; look < looks.size(); ++look) {
-    probe.cells = looks[look].cells;
-    probe.split = looks[look].split;
-    probe.judged = looks[look].judged;
-    probe.seed = look == 0 ? shadowSeed(input) : hash64(shadowSeed(input), look);
-    const std::string at = look == 0 ? "" : " look " + std::to_string(look + 1);
-    const NodeId node = graph.add({makeShadowProbeNode(probe), {}, {input.light}, "shadow_probe:" + light.name + at, 0, input.scene, false});
-    GOBO_ASSIGN(const TermPtr judged, expand(graph, node));
-    if (!judged) return choice;
-    const double more = probe.judged;
-    choice.receivers = (pixels * choice.receivers + more * judged->plane<double>("share")[0]) / (pixels + more);
-    pixels += more;
-    for (size_t k = 0; k < rays; ++k) evidence[k].add(judged->plane<double>("mse")[k], judged->plane<double>("variance")[k], more);
-    for (size_t k = 0; k < evidence.size(); ++k) evidence[k].ms = time(k);
-    const auto askMap = [&](size_t k) -> Status {
-      const MapProbeSettings m{maps[k - rays], base.bias, base.slopeBias, soft ? softLight(light.shape).size : Vec2(0.0f), input.viewSamples, input.clear};
-      const std::string label = "map_probe:" + light.name + " " + std::to_string(m.map.resolution) + at;
-      const NodeId id = graph.add({makeMapProbeNode(m), {node}, {}, label, 0, input.scene, false});
-      GOBO_ASSIGN(const TermPtr term, expand(graph, id));
-      const double before = evidence[k].pixels;
-      penumbra[k] = (before * penumbra[k] + more * term->plane<double>("penumbra")[0]) / (before + more);
-      evidence[k].add(term->plane<double>("mse")[0], term->plane<double>("variance")[0], more);
-      evidence[k].ms = time(k);
-      return {};
-    };
-    if (look == 0) {
-      // Maps, cheapest first (they are in that order). One that cannot win by its time is not judged; its time is at least what is said of it.
-      for (size_t k = rays; k < evidence.size(); ++k) {
-        if (k > 0) {
-          const ProbeEvidence& best = evidence[chooseByEvidence(std::span(evidence).first(k), budget)];
-          if (budget.timeMs > 0 ? evidence[k].ms > budget.timeMs && best.ms <= budget.timeMs : best.high() <= budget.error && evidence[k].ms >= best.ms)
-            continue;
-        }
-        GOBO_TRY(askMap(k));
-      }
-    } else {
-      for (const size_t k : asked) GOBO_TRY(askMap(k));
-    }
-    choice.chosen = chooseByEvidence(evidence, budget);
-    const std::vector<size_t> rivals = rivalsOf(evidence, budget, choice.chosen);
-    if (look + 1 == looks.size()) break;
-    asked.clear();
-    for (const size_t k : rivals)
-      if (k >= rays) asked.push_back(k);
-    if (choice.chosen >= rays) asked.push_back(choice.chosen);
-    ShadowProbeSettings next = probe;
-    next.cells = looks[look + 1].cells;
-    next.split = looks[look + 1].split;
-    next.judged = looks[look + 1].judged;
-    const double taps = (soft ? kSoftTaps : kHardTaps) * double(asked.size()) * next.judged * input.viewSamples;
-    if (!worthAnotherLook(evidence, budget, choice.chosen, rivals, (shadowProbeRays(next) + taps) * cost.probeRay * deep * 1e-6)) break;
-  }
-  for (size_t k = 0; k < evidence.size(); ++k) {
-    AutomaticCandidate& c = choice.candidates[k];
-    c.ms = evidence[k].ms;
-    c.judged = evidence[k].judged();
-    c.rmse = evidence[k].high();
-  }
-  return choice;
+  GOBO_ASSIGN(Candidates candidates, shadowCandidates(input, technique));
+  if (candidates.list.empty()) return invalidArgument("light '" + light.name + "': no shadow technique is left for shadows.auto");
+  return Chooser(graph, input, technique, std::move(candidates), expand).choose();
 }
 
 }  // namespace filters

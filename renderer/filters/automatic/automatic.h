@@ -2,14 +2,16 @@
 // shadows.auto: technique and parameters by measured error and modelled cost.
 //
 // A probe (shadow_probe.h) measures the error of each candidate on some pixels of the view, most of them near edges of shadows (probe_pixels.h); the cost of
-// each is a sum of the figures below. Within `error` the cheapest wins whose error, and a standard error of what is known of it, keeps it; with `time_ms` the
-// one of least error among those that fit; if none does, the nearest miss. A first look takes some hundred pixels; closer ones follow where a cheaper candidate
-// may keep the error too and what it would save is worth the look (decision.h). Costs are constants, not measurements of the running machine, so that the same
-// request picks the same technique everywhere and the picture's bits do not depend on load. Candidates: shadow rays; percentage-closer maps (hard); soft maps
-// (area lights). Hard shadows are judged over the area of pixels: a ray per view sample is exact where it looks and has the staircase of the pixels as its
-// error. Looks are terms: a request of the same light and view finds them in the store. Cost: 7000 rays for a first look at hard shadows, 10 000 at soft ones
-// and at most 136 more for each of 96 pixels and map. Failure cases: errors in a corner that no look sees; soft techniques that are no candidates (axis-aligned
-// filtering, soft maps with few taps) may be better (docs/shadow_maps.md).
+// each is a sum of constants (candidates.cpp). Within `error` the cheapest wins whose error, and a standard error of what is known of it, keeps it; with
+// `time_ms` the one of least error among those that fit; if none does, the nearest miss. A first look takes some hundred pixels; closer ones follow where a
+// cheaper candidate may keep the error too and what it would save is worth the look (decision.h). Costs are constants, not measurements of the running machine,
+// so that the same request picks the same technique everywhere and the picture's bits do not depend on load. Candidates: shadow rays; percentage-closer maps
+// (hard); percentage-closer soft maps with few and many taps (area lights). Hard maps are judged by rays through the texels that they would read; soft ones are
+// made and looked up at the probe's pixels (if one wins, the picture finds it in the store), the smallest first and those that cannot keep the error, by what
+// smaller ones say, not at all; their times follow from what the lookups read there. Hard shadows are judged over the area of pixels: a ray per view sample is
+// exact where it looks and has the staircase of the pixels as its error. Looks are terms: a request of the same light and view finds them in the store. Cost:
+// 7000 rays for a first look at hard shadows, 9000 at soft ones, at most 136 000 for the closest; maps. Failure cases: errors in a corner that no look sees;
+// techniques that are no candidates (axis-aligned filtering) may be better (docs/shadow_maps.md).
 #pragma once
 
 #include <functional>
@@ -23,7 +25,8 @@ struct AutomaticCandidate {
   v1::ShadowTechnique technique;  ///< with map settings
   std::string text;               ///< "percentage_closer, 1024 texels"
   double rmse = 0, ms = 0;        ///< predicted: error of visibility, time of the light's nodes
-  bool judged = true;             ///< false: too dear to win, its error was not asked for
+  std::vector<double> work;       ///< soft maps: SoftWork of a view sample (filters/soft_shadow/soft_kernels.h)
+  bool judged = true;             ///< false: too dear to win, or to be judged; its error was not asked for
 };
 struct AutomaticChoice {
   std::vector<AutomaticCandidate> candidates;

@@ -11,7 +11,7 @@ inline namespace filters {
 namespace {
 
 constexpr double kNearMiss = 1.25;     // what a probe cannot tell apart
-constexpr double kChance = 0.2;        // that a rival turns out to be the better one
+constexpr double kCloser = 0.5;        // standard error of an estimate after another look, of what it was
 constexpr double kUnseen = 1.0 / 12;   // of the pixel that a probe without any error did not see: a straight edge's mean square against the pixel's area
 constexpr double kShareOfTime = 0.05;  // of a time budget, for another look
 
@@ -23,6 +23,12 @@ bool betterEvidence(const ProbeEvidence& x, const ProbeEvidence& y, const Shadow
   }
   const bool fx = x.high() <= b.error, fy = y.high() <= b.error;
   return fx != fy ? fx : fx ? x.ms < y.ms : closer();
+}
+
+/// That its error is found to be at most `keeps` by another look, a normal distribution's error taken for what is known.
+double chanceOf(const ProbeEvidence& e, double keeps) {
+  const double error = e.variance > 0 ? std::sqrt(e.variance) : kUnseen / e.pixels;
+  return 0.5 * std::erfc((e.mse + kCloser * error - keeps * keeps) / error * M_SQRT1_2);
 }
 
 }  // namespace
@@ -40,6 +46,30 @@ double ProbeEvidence::high() const {
   return std::sqrt(std::max(0.0, mse + std::sqrt(std::max(0.0, variance))));
 }
 double ProbeEvidence::low() const { return std::sqrt(std::max(0.0, mse - std::sqrt(std::max(0.0, variance)))); }
+
+std::vector<ProbeEvidence> fallingErrors(std::span<const ProbeEvidence> rays) {
+  struct Block {
+    double mse, variance, count;
+  };
+  std::vector<Block> blocks;
+  for (const ProbeEvidence& e : rays) {
+    blocks.push_back({e.mse, e.variance, 1.0});
+    while (blocks.size() > 1 && blocks[blocks.size() - 2].mse < blocks.back().mse) {
+      const Block last = blocks.back();
+      blocks.pop_back();
+      Block& b = blocks.back();
+      const double n = b.count + last.count;
+      b.mse = (b.count * b.mse + last.count * last.mse) / n;
+      b.variance = (b.count * b.variance + last.count * last.variance) / n;  // what they saw is the same pixels
+      b.count = n;
+    }
+  }
+  std::vector<ProbeEvidence> out(rays.begin(), rays.end());
+  size_t k = 0;
+  for (const Block& b : blocks)
+    for (double i = 0; i < b.count; ++i, ++k) out[k].mse = b.mse, out[k].variance = b.variance;
+  return out;
+}
 
 size_t chooseByEvidence(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget) {
   size_t chosen = candidates.size();
@@ -69,9 +99,10 @@ std::vector<size_t> rivalsOf(std::span<const ProbeEvidence> candidates, const Sh
 bool worthAnotherLook(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen, std::span<const size_t> rivals, double costMs) {
   if (rivals.empty()) return false;
   if (budget.timeMs > 0) return costMs <= kShareOfTime * budget.timeMs;
+  const double high = candidates[chosen].high(), keeps = high <= budget.error ? budget.error : kNearMiss * high;
   double saved = 0;
-  for (const size_t k : rivals) saved = std::max(saved, candidates[chosen].ms - candidates[k].ms);
-  return kChance * saved > costMs;
+  for (const size_t k : rivals) saved = std::max(saved, chanceOf(candidates[k], keeps) * (candidates[chosen].ms - candidates[k].ms));
+  return saved > costMs;
 }
 
 }  // namespace filters

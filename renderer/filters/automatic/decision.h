@@ -22,6 +22,10 @@ struct ProbeEvidence {
   double low() const;   ///< the same below
 };
 
+/// Evidence of more and more rays, whose errors fall: neighbours that are found to rise are one (isotonic regression; Ayer et al. 1955). Few pixels hold most
+/// of an error, and one sequence of rays that misses it, or meets it, is no news of how many rays are enough.
+std::vector<ProbeEvidence> fallingErrors(std::span<const ProbeEvidence> rays);
+
 struct ShadowBudget {
   double error = 0;   ///< RMSE of visibility
   double timeMs = 0;  ///< 0: as little as the error allows; else the least error within it
@@ -32,7 +36,7 @@ struct ShadowBudget {
 size_t chooseByEvidence(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget);
 /// Cheaper ones (within a time: any that fits) that would be chosen in the place of `chosen` if their errors were at the lower end of what is known.
 std::vector<size_t> rivalsOf(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen);
-/// Whether to look again at `chosen` and its rivals for `costMs`: a fifth of what the cheapest of them would save must be more than that. Within a
+/// Whether to look again at `chosen` and its rivals for `costMs`: what one of them would save, times the chance that it is found to do, must be more. Within a
 /// time, what is looked at must stay a small part of it.
 bool worthAnotherLook(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen, std::span<const size_t> rivals, double costMs);
 

@@ -21,9 +21,10 @@ constexpr size_t kGrain = 8;       // pixels a task
 constexpr size_t kLookGrain = 64;  // the same of the first looks
 constexpr int kTruthSamples = 8;   // over a pixel, each half: both in one packet
 constexpr uint32_t kMostRays = 64;
+constexpr int kSequences = 3;  // soft shadows: of the ray counts, and two for the truth
 
 struct Surfaces {
-  std::span<float> P, Ng;
+  std::span<float> P, N, Ng;
   std::span<uint32_t> instance;
   bool hit(size_t e) const { return instance[e] != kNoHit; }
   Vec3 position(size_t e) const { return Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]); }
@@ -45,7 +46,7 @@ void look(const SolidScene& scene, const Eye& eye, const Ray* ray, int count, co
     const Vec3 n = !hit[i].valid() ? Vec3(0.0f) : glm::dot(hit[i].Ng, ray[i].direction) < 0 ? hit[i].Ng : -hit[i].Ng;
     for (int c = 0; c < 3; ++c) {
       at.P[3 * e + c] = p[c];
-      at.Ng[3 * e + c] = n[c];
+      at.N[3 * e + c] = at.Ng[3 * e + c] = n[c];
     }
   }
 }
@@ -54,7 +55,7 @@ class ShadowProbeNode final : public Node {
  public:
   explicit ShadowProbeNode(const ShadowProbeSettings& s) : s_(s) {}
   std::string type() const override { return "shadow_probe"; }
-  int version() const override { return 2; }
+  int version() const override { return 3; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::LightShape;
@@ -74,8 +75,9 @@ class ShadowProbeNode final : public Node {
         .gives({type(),
                 Domain::Table,
                 {s_.judged * s_.viewSamples, 1, 1},
-                {plane<float>("P", 3), plane<float>("Ng", 3), plane<uint32_t>("instance"), plane<float>("a"), plane<float>("b"), plane<float>("lit"),
-                 plane<double>("weight"), plane<uint32_t>("stratum"), plane<double>("mse"), plane<double>("variance"), plane<double>("share")}});
+                {plane<float>("P", 3), plane<float>("N", 3), plane<float>("Ng", 3), plane<uint32_t>("instance"), plane<float>("a"), plane<float>("b"),
+                 plane<float>("lit"), plane<double>("weight"), plane<uint32_t>("stratum"), plane<double>("mse"), plane<double>("variance"),
+                 plane<double>("share")}});
   }
   Cost cost(const TermShape&, uint32_t) const override {
     const double rays = shadowProbeRays(s_);
@@ -88,7 +90,7 @@ class ShadowProbeNode final : public Node {
     const SolidScene scene(*ctx.scene, std::move(accel), s_.clear);
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     const auto& term = ctx.result;
-    const Surfaces at{term->writable<float>("P"), term->writable<float>("Ng"), term->writable<uint32_t>("instance")};
+    const Surfaces at{term->writable<float>("P"), term->writable<float>("N"), term->writable<float>("Ng"), term->writable<uint32_t>("instance")};
     const auto a = term->writable<float>("a"), b = term->writable<float>("b"), lit = term->writable<float>("lit");
     const auto weight = term->writable<double>("weight");
     const auto stratum = term->writable<uint32_t>("stratum");
@@ -146,9 +148,9 @@ class ShadowProbeNode final : public Node {
   void glance(const SolidScene& scene, const LightPoints& light, const Eye& eye, std::span<const PixelPlace> pixels, std::span<ProbeSeen> seen,
               uint64_t& rays) const {
     const int count = int(pixels.size());
-    float P[3 * 16], Ng[3 * 16];
+    float P[3 * 16], N[3 * 16], Ng[3 * 16];
     uint32_t instance[16];
-    const Surfaces at{P, Ng, instance};
+    const Surfaces at{P, N, Ng, instance};
     Ray ray[16];
     const Vec2 offset = viewSamplePosition(0, s_.viewSamples);
     for (int i = 0; i < count; ++i) ray[i] = eye.film.at(float(pixels[size_t(i)].x) + offset.x, float(pixels[size_t(i)].y) + offset.y);
@@ -200,10 +202,10 @@ class ShadowProbeNode final : public Node {
       }
     if (!(lit > 0)) return;
     constexpr int kBoth = 2 * kTruthSamples;
-    float P[3 * kBoth], Ng[3 * kBoth], V[kBoth];
+    float P[3 * kBoth], N[3 * kBoth], Ng[3 * kBoth], V[kBoth];
     uint32_t instance[kBoth];
     bool can[kBoth];
-    const Surfaces area{P, Ng, instance};
+    const Surfaces area{P, N, Ng, instance};
     for (int i = 0; i < kBoth; ++i) {
       const uint64_t half = uint64_t(i / kTruthSamples) + 1;
       const Vec2 u = SobolSampler(hash64(s_.seed, hash64(p, half)), uint32_t(i % kTruthSamples)).next2D();
@@ -253,26 +255,44 @@ class ShadowProbeNode final : public Node {
     }
     look(scene, eye, view, int(S), at, first);
     rays += uint64_t(S);
-    const uint32_t most = s_.rays.empty() ? 1 : s_.rays.back();
-    double a = 0, b = 0, lit = 0, estimate[kMostRays] = {};
+    // Independent sequences of one distribution: the beginnings of each are what ray counts would see, and the whole of the others the truth.
+    const uint32_t length[kSequences] = {std::max(s_.truthRays, s_.rays.empty() ? 1 : s_.rays.back()), s_.truthRays, s_.truthRays};
+    const size_t K = s_.rays.size();
+    double lit = 0, whole[kSequences] = {}, estimate[kSequences][kMostRays] = {};
     for (size_t s = 0; s < S; ++s) {
       const size_t e = first + s;
-      float prefix[kMostRays];
-      if (!at.hit(e) || !trace(scene, light, at.position(e), at.normal(e), viewSampleSeed(s_.seed, e), most, prefix, rays)) continue;
+      if (!at.hit(e)) continue;
+      float prefix[kSequences][kMostRays];
+      bool shines = true;
+      for (int q = 0; q < kSequences && shines; ++q) {
+        const uint64_t seed = q == 0 ? viewSampleSeed(s_.seed, e) : hash64(s_.seed, hash64(e, uint64_t(q)));
+        if (trace(scene, light, at.position(e), at.normal(e), seed, length[q], prefix[q], rays)) continue;
+        if (q == 0) shines = false;
+        else std::fill_n(prefix[q], length[q], 1.0f);
+      }
+      if (!shines) continue;
       outLit[e] = 1.0f;
       ++lit;
-      for (size_t k = 0; k < s_.rays.size(); ++k) estimate[k] += prefix[std::min(s_.rays[k], most) - 1];
-      a += part(scene, light, at.position(e), at.normal(e), hash64(e, 1), rays);
-      b += part(scene, light, at.position(e), at.normal(e), hash64(e, 2), rays);
+      for (int q = 0; q < kSequences; ++q) {
+        whole[q] += prefix[q][length[q] - 1];
+        for (size_t k = 0; k < K; ++k)
+          if (s_.rays[k] <= length[q]) estimate[q][k] += prefix[q][s_.rays[k] - 1];
+      }
     }
     if (!(lit > 0)) return;
-    outA[first] = float(a / lit);
-    outB[first] = float(b / lit);
-    for (size_t k = 0; k < s_.rays.size(); ++k) errors[k] = (estimate[k] / lit - outA[first]) * (estimate[k] / lit - outB[first]);
-  }
-  float part(const SolidScene& scene, const LightPoints& light, const Vec3& p, const Vec3& n, uint64_t seed, uint64_t& rays) const {
-    float prefix[kMostRays];
-    return trace(scene, light, p, n, hash64(s_.seed, seed), s_.truthRays, prefix, rays) ? prefix[s_.truthRays - 1] : 1.0f;
+    for (double& w : whole) w /= lit;
+    outA[first] = float(whole[0]);
+    outB[first] = float(0.5 * (whole[1] + whole[2]));
+    for (size_t k = 0; k < K; ++k) {
+      double sum = 0, count = 0;
+      for (int q = 0; q < kSequences; ++q) {
+        if (s_.rays[k] > length[q]) continue;
+        const double v = estimate[q][k] / lit;
+        sum += (v - whole[(q + 1) % kSequences]) * (v - whole[(q + 2) % kSequences]);
+        ++count;
+      }
+      errors[k] = sum / count;
+    }
   }
 
   /// prefix[i]: visibility by the first i + 1 points of a sequence. False where the light cannot shine.

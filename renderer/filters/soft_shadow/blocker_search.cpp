@@ -15,6 +15,7 @@ void BlockerSearch::run(const SoftReceivers& receivers, const DepthBounds& bound
   receivers.fill(first, count, b, V);
   w.count = 0;
   w.taps.count = 0;
+  std::fill_n(w.done, count, SoftWork());
   softSearches(receivers, bounds, b, w.search);
   for (int k = 0; k < b.activeCount; ++k) {
     const int i = b.active[k];
@@ -23,8 +24,9 @@ void BlockerSearch::run(const SoftReceivers& receivers, const DepthBounds& bound
       continue;
     }
     w.open[w.count++] = i;
-    if (pattern_.taps && softTexels(w.search[i].box) > kDensePerTap * pattern_.taps)
-      w.taps.add(b, i, w.search[i].box, bounds.faceTexels(), receivers.filmElement(first + size_t(i)));
+    if (pattern_.taps == 0 || softTexels(w.search[i].box) <= kDensePerTap * pattern_.taps) continue;
+    w.done[i].taps += float(pattern_.taps);
+    w.taps.add(b, i, w.search[i].box, bounds.faceTexels(), receivers.filmElement(first + size_t(i)));
   }
   // Few taps in a wide box miss what little there is in it: a probe finds how near to the light blockers really are, and the box shrinks to that.
   if (w.taps.count) softProbe(bounds.depth(0), bounds.resolution(), pattern_, b.perspective, w.taps);

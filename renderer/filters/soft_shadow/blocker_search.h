@@ -23,6 +23,7 @@ class BlockerSearch {
     int open[SoftBlock::kSize];                                ///< receivers that remain
     float wx[SoftBlock::kSize], wy[SoftBlock::kSize];          ///< their penumbra's widths
     int count = 0;
+    SoftWork done[SoftBlock::kSize];  ///< by all since run()
   };
   /// Fills the block; sets V where it is known; for the rest (w.open) the widths of the penumbra's kernel. `first`: element of the block's first receiver.
   void run(const SoftReceivers& receivers, const DepthBounds& bounds, size_t first, int count, bool skip, float* V, Work& w) const;
@@ -41,10 +42,12 @@ void softSums(SoftAsk ask, const SoftReceivers& receivers, const DepthBounds& bo
     const int i = w.open[k];
     const SoftBox box = boxOf(i);
     if (pattern.taps == 0 || softTexels(box) <= BlockerSearch::kDensePerTap * pattern.taps) {
+      w.done[i].dense(box);
       const SoftSums s = softDense(ask, bounds.depth(w.b.at.face[i]), side, w.b, i, box, w.scratch.data());
       w.blocked[i] = s.blocked / s.weight;
       w.depth[i] = s.depth / s.weight;
     } else {
+      w.done[i].taps += float(pattern.taps);
       w.taps.add(w.b, i, box, bounds.faceTexels(), receivers.filmElement(first + size_t(i)));
     }
   }

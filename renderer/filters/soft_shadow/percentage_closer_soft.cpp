@@ -22,12 +22,15 @@ class PercentageCloserSoftNode : public Node {
     l_.hash(h);
     h.add(l_.dense);
     if (!l_.dense) h.add(l_.searchTaps).add(l_.filterTaps);
+    if (l_.work) h.add("work");
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 2);
     SoftReceivers::reads(w, 0);
     w.over(1, DepthBounds::extent(l_.map.resolution, l_.frames.count)).reads<float>(1, "bounds");
-    return w.gives(visibilityOver(w.input(0)));
+    TermShape out = visibilityOver(w.input(0));
+    if (l_.work) out.planes.push_back(plane<float>("work", SoftWork::kChannels));
+    return w.gives(out);
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
@@ -36,12 +39,20 @@ class PercentageCloserSoftNode : public Node {
     const SoftReceivers receivers(gbuffer, l_, false);
     const auto& term = ctx.result;
     const std::span<float> V = term->writable<float>("V");
+    const std::span<float> work = l_.work ? term->writable<float>("work") : std::span<float>();
     const bool done = ctx.arena->parallelFor(
         V.size(), 4096,
         [&](size_t begin, size_t end) {
           auto w = std::make_unique<Work>(l_.map.resolution);
-          for (size_t first = begin; first < end; first += SoftBlock::kSize)
-            block(receivers, bounds, first, int(std::min<size_t>(SoftBlock::kSize, end - first)), &V[first], *w);
+          for (size_t first = begin; first < end; first += SoftBlock::kSize) {
+            const int count = int(std::min<size_t>(SoftBlock::kSize, end - first));
+            block(receivers, bounds, first, count, &V[first], *w);
+            for (int i = 0; l_.work && i < count; ++i) {
+              const SoftWork& done = w->done[i];
+              float* to = &work[SoftWork::kChannels * (first + size_t(i))];
+              to[0] = done.taps, to[1] = done.boxes, to[2] = done.rows, to[3] = done.vectors;
+            }
+          }
         },
         ctx.stop);
     if (!done) return Status(Code::Cancelled, type() + " stopped");

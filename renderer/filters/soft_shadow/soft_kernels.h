@@ -24,6 +24,18 @@ SoftSums softDense(SoftAsk ask, const float* z, int side, const SoftBlock& b, in
 /// Texels that a box touches: what softDense costs.
 inline int softTexels(const SoftBox& box) { return (int(std::ceil(box.x1)) - int(box.x0)) * (int(std::ceil(box.y1)) - int(box.y0)); }
 
+/// What was read of the map for a receiver.
+struct SoftWork {
+  static constexpr int kChannels = 4;
+  float taps = 0, boxes = 0, rows = 0, vectors = 0;  ///< taps; boxes read whole, their rows, eights of texels in them
+  void dense(const SoftBox& box) {
+    const float high = float(int(std::ceil(box.y1)) - int(box.y0)), wide = float((int(std::ceil(box.x1)) - int(box.x0) + 7) / 8);
+    ++boxes;
+    rows += high;
+    vectors += high * wide;
+  }
+};
+
 /// Receivers that are read at taps, side by side: loops run over receivers, tap after tap.
 struct SoftTaps {
   static constexpr int kSize = SoftBlock::kSize;

@@ -52,6 +52,7 @@ struct SoftLookup {
 struct PercentageCloserSoftLookup : SoftLookup {
   int searchTaps = 32, filterTaps = 64;
   bool dense = false, skip = true;
+  bool work = false;  ///< whether there is a plane "work": SoftWork of each view sample (soft_kernels.h)
 };
 /// Filter, term "visibility", plane V f32 in [0,1]. Inputs: "gbuffer", "depth_bounds".
 NodePtr makePercentageCloserSoftNode(const PercentageCloserSoftLookup& lookup);

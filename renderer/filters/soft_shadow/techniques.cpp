@@ -92,9 +92,12 @@ bool softShadowSupports(LightKind kind) {
   return kind == LightKind::Rect || kind == LightKind::Disk || kind == LightKind::Sphere || kind == LightKind::Directional;
 }
 
-Result<NodeId> planPercentageCloserSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
+namespace {
+
+Result<NodeId> planComparisons(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, bool work) {
   const v1::PercentageCloserSoftShadow& m = technique.percentage_closer_soft();
   PercentageCloserSoftLookup l;
+  l.work = work;
   l.searchTaps = int(numberParameter(m, "search_taps"));
   l.filterTaps = int(numberParameter(m, "filter_taps"));
   l.dense = m.dense();
@@ -103,6 +106,15 @@ Result<NodeId> planPercentageCloserSoft(Graph& graph, const ShadowInput& input, 
   GOBO_TRY(checkShadowRange("percentage_closer_soft.filter_taps", l.filterTaps, 1, 1024));
   GOBO_ASSIGN(const Planned p, planMap(graph, input, technique, l));
   return addShadowFilter(graph, makePercentageCloserSoftNode(l), {input.gbuffer, p.bounds}, "visibility", input);
+}
+
+}  // namespace
+
+Result<NodeId> planPercentageCloserSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
+  return planComparisons(graph, input, technique, false);
+}
+Result<NodeId> planPercentageCloserSoftWork(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
+  return planComparisons(graph, input, technique, true);
 }
 
 Result<NodeId> planConvolutionSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {

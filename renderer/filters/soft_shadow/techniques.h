@@ -14,6 +14,8 @@ bool softShadowSupports(LightKind kind);
 
 /// Errors: InvalidArgument for lights without a map and parameters out of range (location: the field below "shadows"), ResourceExhausted for maps beyond 4 GiB.
 Result<NodeId> planPercentageCloserSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
+/// The same with what it reads of the map (plane "work").
+Result<NodeId> planPercentageCloserSoftWork(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
 Result<NodeId> planConvolutionSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
 Result<NodeId> planVarianceSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
 Result<NodeId> planExponentialVarianceSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);

@@ -7,7 +7,8 @@
 
 #include "filters/automatic/shadow_probe.h"
 #include "filters/shadow_map/techniques.h"
-#include "filters/soft_shadow/soft_shadow.h"
+#include "filters/soft_shadow/soft_kernels.h"
+#include "filters/soft_shadow/techniques.h"
 #include "scene/load.h"
 #include "support/run_node.h"
 #include "support/shadow_stage.h"
@@ -83,7 +84,7 @@ Brute hardTruth(const ScenePtr& scene, int light) {
 }
 
 struct Probed {
-  std::vector<double> mse, variance;
+  std::vector<double> mse, variance, work;
   double share = 0;
 };
 /// Ray counts, then one map (resolution 0: none).
@@ -103,17 +104,25 @@ Probed probed(const ScenePtr& scene, int light, uint64_t seed, const std::vector
         s.seed = seed;
         probe = g.add({makeShadowProbeNode(s), {}, {in.light}, "probe", 0, in.scene, false});
         if (!resolution) return probe;
+        const auto errors = [&](NodeId visibility) {
+          return g.add({makeProbeErrorsNode(in.viewSamples), {probe, visibility}, {}, "errors", 0, nullptr, false});
+        };
+        if (soft) {
+          ShadowInput there = in;
+          there.gbuffer = probe;
+          GOBO_ASSIGN(const NodeId visibility, planPercentageCloserSoftWork(g, there, map(uint32_t(resolution), true)));
+          return errors(visibility);
+        }
         MapProbeSettings m;
         Vec3 lo, hi;
         in.scene->bounds(lo, hi);
-        const v1::ShadowTechnique t = map(uint32_t(resolution), soft);
+        const v1::ShadowTechnique t = map(uint32_t(resolution));
         const ShadowMapSettings base = shadowMapSettings(t.map());
         m.map.resolution = resolution;
         GOBO_ASSIGN(m.map.frames, fitLightFrames(shape, lo, hi, resolution, 2));
         m.bias = base.bias;
         m.slopeBias = base.slopeBias;
-        if (soft) m.size = softLight(shape).size;
-        return g.add({makeMapProbeNode(m), {probe}, {}, "map", 0, in.scene, false});
+        return errors(g.add({makeMapProbeNode(m), {probe}, {}, "map", 0, in.scene, false}));
       },
       {kProbeWidth, kProbeHeight, threads}, light);
   GOBO_CHECK(r.ok());
@@ -127,6 +136,10 @@ Probed probed(const ScenePtr& scene, int light, uint64_t seed, const std::vector
   if (resolution) {
     p.mse.push_back(r.terms.back()->plane<double>("mse")[0]);
     p.variance.push_back(r.terms.back()->plane<double>("variance")[0]);
+    if (soft) {
+      const auto work = r.terms.back()->plane<double>("work");
+      p.work.assign(work.begin(), work.end());
+    }
   }
   return p;
 }
@@ -188,6 +201,42 @@ TEST(ShadowProbe, SoftErrorsAreThoseOfThePicture) {
     }
     expectRight(std::string(s.scene) + ", 1 ray", mse[0], variance[0], brute.mse(runShadow(scene, rays(1), {kProbeWidth, kProbeHeight}, light).V()), 0.08);
     expectRight(std::string(s.scene) + ", 4 rays", mse[1], variance[1], brute.mse(runShadow(scene, rays(4), {kProbeWidth, kProbeHeight}, light).V()), 0.08);
+  }
+}
+
+// Maps of lights of some size are made, and looked up where the probe looks: what it says of their errors and of what they read is said of those lookups.
+TEST(ShadowProbe, SoftMapsErrorsAndWorkAreThoseOfThePicture) {
+  constexpr int kTexels = 512;  // wide enough for taps and narrow enough for whole boxes
+  for (const ProbeScene& s : {ProbeScene{"fence", "key"}, {"spheres", "key"}, {"lights8", "rim"}}) {
+    const ScenePtr scene = sceneOf(s);
+    const int light = scene->findLight(s.light);
+    ASSERT_GE(light, 0);
+    const ShadowRun truth = runShadow(scene, rays(1024), {kProbeWidth, kProbeHeight}, light);
+    const Brute brute{std::vector<float>(truth.V().begin(), truth.V().end()), receivers(truth, *scene, light)};
+    const ShadowRun whole = runPlanned(
+        scene, [&](Graph& g, const ShadowInput& in) { return planPercentageCloserSoftWork(g, in, map(kTexels, true)); }, {kProbeWidth, kProbeHeight}, light);
+    const auto done = whole.terms.back()->floats("work");
+    constexpr size_t C = SoftWork::kChannels;
+    double mean[C] = {}, sum[C] = {}, squares[C] = {};
+    for (size_t i = 0; i < done.size(); ++i) mean[i % C] += double(done[i]) / double(done.size() / C);
+    std::vector<double> mse, variance;
+    for (uint64_t seed = 1; seed <= kProbeSeeds; ++seed) {
+      const Probed p = probed(scene, light, seed, {1, 4}, kTexels);
+      mse.push_back(p.mse.back());
+      variance.push_back(p.variance.back());
+      ASSERT_EQ(p.work.size(), C);
+      for (size_t c = 0; c < C; ++c) sum[c] += p.work[c], squares[c] += p.work[c] * p.work[c];
+    }
+    expectRight(std::string(s.scene) + ", a soft map", mse, variance, brute.mse(whole.V()), 0.08);
+    EXPECT_GT(mean[0] + mean[3], 0.5) << s.scene;
+    for (size_t c = 0; c < C; ++c) {
+      const double n = double(kProbeSeeds), m = sum[c] / n, error = std::sqrt(std::max(0.0, squares[c] / n - m * m) / (n - 1));
+      EXPECT_NEAR(m, mean[c], 3.5 * error + 0.02 * mean[c]) << s.scene << " " << c;
+      EXPECT_LT(error, 0.25 * mean[c] + 0.05) << s.scene << " " << c << ": a bound that says something";
+    }
+    // To say what it read changes nothing of what it says.
+    const ShadowRun plain = runShadow(scene, map(kTexels, true), {kProbeWidth, kProbeHeight}, light);
+    EXPECT_TRUE(std::equal(plain.V().begin(), plain.V().end(), whole.V().begin()));
   }
 }
 

@@ -27,7 +27,7 @@ TEST(Subtractive, AnEditRunsWhatItChanges) {
       if (label.rfind("subtractive:", 0) == 0 || label.rfind("environment:", 0) == 0) out += label + " ";
     return out;
   };
-  EXPECT_EQ(ran(""), "environment:gloss subtractive:light subtractive:lights subtractive:samples subtractive:unshadowed ");
+  EXPECT_EQ(ran(""), "environment:gloss environment:split subtractive:light subtractive:lights subtractive:samples subtractive:unshadowed ");
   EXPECT_EQ(ran("environment.gain=2,2,2"), "");
   EXPECT_EQ(ran("environment.subtractive.form=DIFFERENCE"), "subtractive:light ");
   EXPECT_EQ(ran("environment.subtractive.form=BETA"), "subtractive:light ");

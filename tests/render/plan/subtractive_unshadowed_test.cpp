@@ -172,7 +172,7 @@ TEST(SubtractiveStyle, AnEditRunsWhatItChanges) {
   const auto engine = makeEngine();
   v1::RenderRequest r = mapAlone(*engine, "fence", 24, 16, {"environment.subtractive.lights=2", "environment.subtractive.resolution=2"});
   EXPECT_EQ(ran(*engine, r, "lights.environment.shadow.style.softness=0.1", "style_"),
-            "style_distance:environment/few0 style_distance:environment/few1 style_transfer:environment/few0 style_transfer:environment/few1 "
+            "environment:split style_distance:environment/few0 style_distance:environment/few1 style_transfer:environment/few0 style_transfer:environment/few1 "
             "subtractive:light subtractive:lights subtractive:samples subtractive:unshadowed ");
   EXPECT_EQ(ran(*engine, r, "lights.environment.shadow.style.softness=0.2", "style_"),
             "style_transfer:environment/few0 style_transfer:environment/few1 subtractive:light subtractive:samples ");

@@ -70,11 +70,30 @@ TEST(ShadowDecision, RivalsAreCheaperAndMayKeepTheError) {
 TEST(ShadowDecision, ALookMustPayForItself) {
   const std::vector<ProbeEvidence> c{known(5, 0.02), known(2, 0.06, 0.5), known(4, 0.05, 0.5)};
   const std::vector<size_t> rivals{1, 2}, none;
-  EXPECT_TRUE(worthAnotherLook(c, {0.05}, 0, rivals, 0.55));
-  EXPECT_FALSE(worthAnotherLook(c, {0.05}, 0, rivals, 0.65));
+  // The first saves 3 ms; a normal distribution of mean square 0.0036 and standard deviation 0.0018 is half of that below 0.0025 by a chance of 0.133. The
+  // second saves 1 ms by one of 0.309.
+  EXPECT_TRUE(worthAnotherLook(c, {0.05}, 0, rivals, 0.39));
+  EXPECT_FALSE(worthAnotherLook(c, {0.05}, 0, rivals, 0.41));
+  EXPECT_FALSE(worthAnotherLook(c, {0.05}, 0, {&rivals[1], 1}, 0.32));
+  EXPECT_TRUE(worthAnotherLook(c, {0.05}, 0, {&rivals[1], 1}, 0.30));
   EXPECT_FALSE(worthAnotherLook(c, {0.05}, 0, none, 0.0));
   EXPECT_TRUE(worthAnotherLook(c, {0.05, 20}, 0, rivals, 0.9));
   EXPECT_FALSE(worthAnotherLook(c, {0.05, 20}, 0, rivals, 1.1));
+}
+
+TEST(ShadowDecision, MoreRaysAreNoWorse) {
+  const auto falls = fallingErrors(std::vector{ProbeEvidence{1, 0.09, 4e-4, 10}, {2, 0.01, 1e-4, 10}, {3, 0.03, 3e-4, 10}, {4, 0.005, 1e-5, 10}});
+  ASSERT_EQ(falls.size(), 4u);
+  EXPECT_EQ(falls[0].mse, 0.09);
+  for (const size_t k : {1u, 2u}) {
+    EXPECT_NEAR(falls[k].mse, 0.02, 1e-15);
+    EXPECT_NEAR(falls[k].variance, 2e-4, 1e-15);
+  }
+  EXPECT_EQ(falls[3].mse, 0.005);
+  EXPECT_EQ(falls[2].ms, 3);
+  // One that rises above all before it takes all of them with it.
+  for (const ProbeEvidence& e : fallingErrors(std::vector{ProbeEvidence{1, 0.02, 0, 10}, {2, 0.01, 0, 10}, {3, 0.06, 0, 10}})) EXPECT_NEAR(e.mse, 0.03, 1e-15);
+  EXPECT_TRUE(fallingErrors({}).empty());
 }
 
 }  // namespace
