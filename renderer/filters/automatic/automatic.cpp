@@ -147,8 +147,10 @@ class Chooser {
       return graph_.add({makeMapProbeNode({*map, base_.bias, base_.slopeBias, input_.clear}), {node_}, {}, "map_probe:" + of, 0, input_.scene, false});
     ShadowInput there = input_;
     there.gbuffer = node_;
+    const NodeId before = graph_.size();
     GOBO_ASSIGN(const NodeId visibility, planPercentageCloserSoftWork(graph_, there, choice_.candidates[k].technique));
-    graph_.addToLabels(visibility, " probe" + of.substr(light_.name.size()));
+    if (visibility >= before)  // structurally equal nodes are one
+      graph_.addToLabels(visibility, " probe" + of.substr(light_.name.size()));
     return visibility;
   }
 
