@@ -240,6 +240,34 @@ TEST(ShadowProbe, SoftMapsErrorsAndWorkAreThoseOfThePicture) {
   }
 }
 
+// The truth's halves are independent: an error is the product of what is off each of them, not the square of what is off one.
+TEST(ShadowProbe, ErrorsAreProductsOverBothHalvesOfTheTruth) {
+  const Extent two{2, 1, 1};
+  auto probe = std::make_shared<Term>("shadow_probe", Domain::Table, two), visibility = std::make_shared<Term>("visibility", Domain::Table, two);
+  const auto put = [&](Term& t, const char* name, auto x, auto y) {
+    using T = decltype(x);
+    t.addRaw(name, formatOf<T>(), 1);
+    t.writable<T>(name)[0] = x;
+    t.writable<T>(name)[1] = y;
+  };
+  put(*probe, "a", 0.5f, 0.25f);
+  put(*probe, "b", 0.25f, 0.75f);
+  put(*probe, "lit", 1.0f, 1.0f);
+  put(*probe, "weight", 0.25, 0.75);
+  put(*probe, "stratum", 0u, 0u);
+  put(*probe, "share", 0.5, 0.0);
+  put(*visibility, "V", 1.0f, 0.5f);
+  AccelCache accels;
+  const TaskArena arena(1);
+  RunContext ctx;
+  ctx.inputs = {probe, visibility};
+  ctx.arena = &arena;
+  ctx.accels = &accels;
+  const auto errors = runNode(*makeProbeErrorsNode(1), ctx);
+  ASSERT_TRUE(errors.ok()) << errors.status().toString();
+  EXPECT_NEAR((*errors)->plane<double>("mse")[0], (0.25 * 0.5 * 0.75 + 0.75 * 0.25 * -0.25) / 0.5, 1e-12);
+}
+
 TEST(ShadowProbe, IsTheSameForAnyNumberOfThreads) {
   for (const ProbeScene& s : {ProbeScene{"fence", "sun"}, {"fence", "key"}}) {
     const ScenePtr scene = sceneOf(s);
