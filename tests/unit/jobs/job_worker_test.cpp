@@ -15,6 +15,7 @@
 #include "server/jobs/job_spec.h"
 #include "server/jobs/job_worker.h"
 #include "server/log.h"
+#include "support/instrumented.h"
 #include "support/small_gltf.h"
 #include "unit/jobs/store_fixture.h"
 
@@ -179,7 +180,7 @@ TEST_F(Worker, AFileWrittenBeforeACrashIsReplacedByTheSame) {
 }
 
 TEST_F(Worker, ACheckpointedFrameGoesOnAfterARestartWithTheSameBits) {
-  const v1::JobSpec s = spec(8192);
+  const v1::JobSpec s = spec(asLong(8192));
   const int64_t id = put(s);
   start();
   ASSERT_TRUE(eventually([&] { return !get(id).frames(0).checkpoint().empty(); }));
@@ -246,7 +247,7 @@ TEST_F(Worker, APartsFileThatIsDamagedOrGoneIsMadeAgain) {
 }
 
 TEST_F(Worker, ADamagedCheckpointMeansAnewNotWrong) {
-  const v1::JobSpec s = spec(4096);
+  const v1::JobSpec s = spec(asLong(4096));
   const int64_t id = put(s);
   start();
   ASSERT_TRUE(eventually([&] { return !get(id).frames(0).checkpoint().empty(); }));
@@ -288,7 +289,7 @@ TEST_F(Worker, AReportThatCannotBeWrittenIsRepeatedUntilAcknowledged) {
 }
 
 TEST_F(Worker, ALostLeaseIsLetGoAndTheFrameIsDoneOnce) {
-  const v1::JobSpec s = spec(4096);
+  const v1::JobSpec s = spec(asLong(4096));
   const int64_t id = put(s);
   workerOptions.leaseSeconds = 1;
   start();
@@ -337,11 +338,7 @@ void Worker::breakItsBlob(bool opened) {
   newEngine();
   const auto info = engine->openScene(file, "scene");
   ASSERT_TRUE(info.ok()) << info.status().toString();
-#if defined(GOBO_THREAD_SANITIZER)
-  v1::JobSpec s = spec(2048);  // 8192 took 60 s, as long as anything here is waited for
-#else
-  v1::JobSpec s = spec(8192);
-#endif
+  v1::JobSpec s = spec(asLong(8192));
   s.mutable_request()->set_scene("scene");
   s.mutable_request()->mutable_camera()->mutable_position()->set_z(2.5f);
   s.mutable_request()->mutable_camera()->mutable_look_at();

@@ -205,7 +205,7 @@ TEST(Engine, SnapshotsAreTheRendersOfTheirSampleCounts) {
 
 TEST(Engine, TheLadderBeginsSmallAndChangesNoBit) {
   const auto engine = makeEngine(), cold = makeEngine();
-  v1::RenderRequest r = smallRequest("cornell", 320, 240, 16);
+  v1::RenderRequest r = smallRequest("cornell", 320, 240, 4);
   r.mutable_certificate()->set_pixel_fraction(0.01);
   std::vector<RenderResult> snapshots;
   RenderControl control;

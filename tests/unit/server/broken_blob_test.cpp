@@ -17,6 +17,7 @@
 #include "server/ingest_loader.h"
 #include "server/log.h"
 #include "support/engines.h"
+#include "support/instrumented.h"
 #include "support/small_gltf.h"
 
 namespace gobo::testing {
@@ -24,11 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 // Samples: some tenths of a second, so that the cut comes in the middle.
-#if defined(__SANITIZE_ADDRESS__) || defined(GOBO_THREAD_SANITIZER)
-constexpr int kLong = 128;
-#else
-constexpr int kLong = 1024;
-#endif
+constexpr int kLong = asLong(1024);
 
 struct BrokenBlob : ::testing::Test {
   std::string folder, file, map;

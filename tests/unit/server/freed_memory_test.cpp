@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "server/server_metrics.h"
+#include "support/instrumented.h"
 
 namespace gobo::freed_memory_test {
 namespace {
@@ -45,9 +46,7 @@ struct Leftovers {
 };
 
 TEST(FreedMemory, WhatMallocKeepsBeyondItsPartGoes) {
-#if defined(__SANITIZE_ADDRESS__) || defined(GOBO_THREAD_SANITIZER)
-  GTEST_SKIP() << "a sanitizer has its own malloc";
-#endif
+  if (kInstrumented) GTEST_SKIP() << "a sanitizer has its own malloc";
   FreedMemory none(0);
   none.look();
   FreedMemory some(64 * kMiB), much(4096 * kMiB);
@@ -61,9 +60,7 @@ TEST(FreedMemory, WhatMallocKeepsBeyondItsPartGoes) {
 }
 
 TEST(FreedMemory, EachSecondByItself) {
-#if defined(__SANITIZE_ADDRESS__) || defined(GOBO_THREAD_SANITIZER)
-  GTEST_SKIP() << "a sanitizer has its own malloc";
-#endif
+  if (kInstrumented) GTEST_SKIP() << "a sanitizer has its own malloc";
   FreedMemory some(64 * kMiB);
   const uint64_t before = residentBytes();
   const Leftovers leftovers;
