@@ -191,7 +191,7 @@ TEST_F(IngestLimits, AreNamed) {
   const auto png = encodePng(big);
   ASSERT_TRUE(png.ok());
   put("big.png", std::string(png->begin(), png->end()));
-  if (!kInstrumented)  // whose shadow memory rules out the limit
+  if (!gobo::testing::kInstrumented)  // whose shadow memory rules out the limit
     refused("picture above the memory limit", put("attack.gltf", smallGltf("big.png")), grpc::RESOURCE_EXHAUSTED, {"ingest.memory_bytes", "attack.gltf"});
   put("huge.bin", std::string(2 << 20, 'x'));
   refused("files above the input limit", put("attack.gltf", smallGltf("huge.bin")), grpc::RESOURCE_EXHAUSTED, {"huge.bin", "ingest.input_bytes"});

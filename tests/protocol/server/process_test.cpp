@@ -255,7 +255,7 @@ TEST_F(Process, TermEndsWhateverRuns) {
 // Six clients at once, each with requests that are 15 MiB of what this build does not know: it is dropped, and malloc may not keep it either. (57 MiB with
 // FreedMemory::boundMalloc, 240 to over 300 without it, over 400 without FreedMemory.)
 TEST_F(Process, LargeMessagesLeaveNoMemoryBehind) {
-  if (kInstrumented) GTEST_SKIP() << "the sanitizer has its own malloc";
+  if (gobo::testing::kInstrumented) GTEST_SKIP() << "the sanitizer has its own malloc";
   const std::string file = folder + "/gobod.toml";
   test::writeFile(
       file, "[engine]\nmemory_bytes = \"1GiB\"\n[scheduler]\npinned_bytes = \"256MiB\"\n[limits]\nreply_bytes = \"64MiB\"\ntmp_folder = \"" + folder + "\"\n");

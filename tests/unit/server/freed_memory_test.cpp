@@ -46,7 +46,7 @@ struct Leftovers {
 };
 
 TEST(FreedMemory, WhatMallocKeepsBeyondItsPartGoes) {
-  if (kInstrumented) GTEST_SKIP() << "a sanitizer has its own malloc";
+  if (gobo::testing::kInstrumented) GTEST_SKIP() << "a sanitizer has its own malloc";
   FreedMemory none(0);
   none.look();
   FreedMemory some(64 * kMiB), much(4096 * kMiB);
@@ -60,7 +60,7 @@ TEST(FreedMemory, WhatMallocKeepsBeyondItsPartGoes) {
 }
 
 TEST(FreedMemory, EachSecondByItself) {
-  if (kInstrumented) GTEST_SKIP() << "a sanitizer has its own malloc";
+  if (gobo::testing::kInstrumented) GTEST_SKIP() << "a sanitizer has its own malloc";
   FreedMemory some(64 * kMiB);
   const uint64_t before = residentBytes();
   const Leftovers leftovers;
