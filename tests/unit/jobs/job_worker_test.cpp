@@ -180,7 +180,7 @@ TEST_F(Worker, AFileWrittenBeforeACrashIsReplacedByTheSame) {
 }
 
 TEST_F(Worker, ACheckpointedFrameGoesOnAfterARestartWithTheSameBits) {
-  const v1::JobSpec s = spec(asLong(8192));
+  const v1::JobSpec s = spec(testing::asLong(8192));
   const int64_t id = put(s);
   start();
   ASSERT_TRUE(eventually([&] { return !get(id).frames(0).checkpoint().empty(); }));
@@ -247,7 +247,7 @@ TEST_F(Worker, APartsFileThatIsDamagedOrGoneIsMadeAgain) {
 }
 
 TEST_F(Worker, ADamagedCheckpointMeansAnewNotWrong) {
-  const v1::JobSpec s = spec(asLong(4096));
+  const v1::JobSpec s = spec(testing::asLong(4096));
   const int64_t id = put(s);
   start();
   ASSERT_TRUE(eventually([&] { return !get(id).frames(0).checkpoint().empty(); }));
@@ -289,7 +289,7 @@ TEST_F(Worker, AReportThatCannotBeWrittenIsRepeatedUntilAcknowledged) {
 }
 
 TEST_F(Worker, ALostLeaseIsLetGoAndTheFrameIsDoneOnce) {
-  const v1::JobSpec s = spec(asLong(4096));
+  const v1::JobSpec s = spec(testing::asLong(4096));
   const int64_t id = put(s);
   workerOptions.leaseSeconds = 1;
   start();
@@ -338,7 +338,7 @@ void Worker::breakItsBlob(bool opened) {
   newEngine();
   const auto info = engine->openScene(file, "scene");
   ASSERT_TRUE(info.ok()) << info.status().toString();
-  v1::JobSpec s = spec(asLong(8192));
+  v1::JobSpec s = spec(testing::asLong(8192));
   s.mutable_request()->set_scene("scene");
   s.mutable_request()->mutable_camera()->mutable_position()->set_z(2.5f);
   s.mutable_request()->mutable_camera()->mutable_look_at();
