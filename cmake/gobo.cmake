@@ -124,7 +124,7 @@ function(gobo_precompiled_tests target)
   elseif(target MATCHES "^test_unit_(scene|trace|base|device|measure)$")
     gobo_precompiled_with(${target} test GTest::gtest_main)
   else()
-    gobo_precompiled_with(${target} test_messages "gobo_proto;GTest::gtest_main")
+    gobo_precompiled_with(${target} test_messages "gobo_proto;GTest::gtest_main" ${GOBO_ENGINE_TESTS})
   endif()
 endfunction()
 

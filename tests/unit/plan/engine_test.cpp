@@ -9,6 +9,7 @@
 
 #include "support/certificate_scenes.h"
 #include "support/engines.h"
+#include "support/instrumented.h"
 
 namespace gobo::testing {
 namespace {
@@ -324,7 +325,7 @@ TEST(Engine, TimeThatIsUpDropsWhatIsNotDone) {
 
 TEST(Engine, PreemptedWorkGoesOnWhereItStopped) {
   const auto engine = makeEngine(), cold = makeEngine();
-  v1::RenderRequest r = smallRequest("lights8", 96, 64, 256);
+  v1::RenderRequest r = smallRequest("lights8", 96, 64, asLong(256));
   StopSource source;
   RenderControl control;
   control.stop = source.token();
