@@ -204,6 +204,14 @@ TEST(ShadowProbe, SoftErrorsAreThoseOfThePicture) {
   }
 }
 
+// As many rays as the truth has: they are judged by other sequences than their own, else they would have no error at all.
+TEST(ShadowProbe, RaysAreNotTheirOwnTruth) {
+  const ScenePtr scene = sceneOf({"fence", "key"});
+  const Probed p = probed(scene, scene->findLight("key"), 1, {4, ShadowProbeSettings().truthRays}, 0);
+  EXPECT_GT(p.mse[1], 0.0);
+  EXPECT_LT(p.mse[1], 0.5 * p.mse[0]);
+}
+
 // Maps of lights of some size are made, and looked up where the probe looks: what it says of their errors and of what they read is said of those lookups.
 TEST(ShadowProbe, SoftMapsErrorsAndWorkAreThoseOfThePicture) {
   constexpr int kTexels = 512;  // wide enough for taps and narrow enough for whole boxes

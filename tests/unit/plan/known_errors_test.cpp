@@ -60,6 +60,15 @@ TEST(KnownErrors, OneCertificateIsNoiseOrStaysAsItWas) {
   EXPECT_NEAR(known.at(r, 64, false).standardError, 0.15, 1e-12);
 }
 
+TEST(KnownErrors, TheLatestCertificateOfAsManySamplesTakesTheOthersPlace) {
+  KnownErrors known;
+  for (const double rmse : {0.4, 0.3, 0.2}) known.add(replyOf("a", 16, 0, rmse));
+  const v1::RenderRequest r = replyOf("a", 64, 0).resolved();
+  EXPECT_DOUBLE_EQ(known.at(r, 64, true).rmse, 0.1);
+  EXPECT_DOUBLE_EQ(known.at(r, 64, false).rmse, 0.2);
+  EXPECT_EQ(known.at(r, 64, false).from, "certificates of this picture, 16 samples");
+}
+
 TEST(KnownErrors, NoPartIsNegative) {
   KnownErrors worse;  // with more samples: by chance, nothing of it is noise
   worse.add(replyOf("a", 16, 0, 0.1));
