@@ -52,12 +52,6 @@ std::vector<std::pair<std::string, Camera>> cameras(const Scene& scene) {
   add("orthographic", [](Camera& c) { c.perspective = false, c.yheight = 5.0f; });
   add("clipped", [](Camera& c) { c.optics.clipNear = 5.0f, c.optics.clipFar = 9.0f; });
   add("clipped orthographic", [](Camera& c) { c.perspective = false, c.yheight = 5.0f, c.optics.clipNear = 5.5f, c.optics.clipFar = 9.0f; });
-  for (const float aside : {0.04f, 0.07f, 0.1f})  // axes whose squares round to 1 and beside it
-    add("clipped orthographic, aside", [&](Camera& c) {
-      c.perspective = false, c.yheight = 5.0f, c.optics.clipNear = 5.5f, c.optics.clipFar = 9.0f;
-      const Frame f(glm::normalize(Vec3(aside, 0.17f, 1)));
-      c.toWorld = Mat4(Vec4(f.x, 0), Vec4(f.y, 0), Vec4(f.z, 0), c.toWorld[3]);
-    });
   add("measured", [](Camera& c) { c.optics.focal = 1.3, c.optics.pixelAspect = 1.2f, c.centre = Vec2(0.1f, -0.2f); });
   add("panorama", [](Camera& c) { c.optics.panorama = true; });
   add("lens", [](Camera& c) { c.optics.lensRadius = 0.1f, c.optics.focus = 6.0f; });
