@@ -159,6 +159,9 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
       v1::RenderRequest spot = withLamp(width, height, LightKind::Spot);
       *(*spot.mutable_lights())["lamp"].mutable_shadow() = technique;
       all.emplace_back("auto of a spot", spot);
+      v1::RenderRequest timed = r;  // time enough for filters to be judged by their windows
+      (*timed.mutable_lights())["lamp"].mutable_shadow()->mutable_auto_()->set_time_ms(1000);
+      all.emplace_back("auto within a second", timed);
     }
     if (technique.has_percentage_closer()) {
       r.set_scene("pane");

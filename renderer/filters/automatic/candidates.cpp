@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "filters/shadow_map/techniques.h"
-#include "filters/soft_shadow/soft_kernels.h"
+#include "terms/shadow_light.h"
 
 namespace gobo {
 inline namespace filters {
@@ -22,6 +22,9 @@ struct Costs {
   double softTexel = 1.2;                                        // depth bounds
   double softLookup = 36;                                        // the bounds' part of a soft lookup
   double softWork[SoftWork::kChannels] = {1.4, 38, 0, 1.4};      // of what it reads
+  double pilotRay = 60, filterRay = 45;                          // axis-aligned filtering: a ray of the pilot, one beyond it
+  double filtered = 60, filterTap = 1.0;                         // the rest of a view sample; a tap of the filter
+  double windowSample = 60;                                      // a view sample of a window
   double probeRay = 25, softProbeRay = 75;                       // a ray of a probe
   double depth(double texels, double triangles) const { return depthTexel * texels + depthEdge * std::sqrt(texels * triangles) + depthTriangle * triangles; }
 };
@@ -32,6 +35,7 @@ struct Taps {
   int search, filter;
 };
 constexpr Taps kSoftTaps[] = {{8, 16}, {32, 64}};
+constexpr uint32_t kFilterRays[] = {4, 8, 16};
 
 struct Shapes {
   double triangles = 0, alpha = 0;
@@ -51,8 +55,14 @@ Shapes shapesOf(const Scene& scene) {
 
 double CandidateCost::time(double samples, double receivers, std::span<const double> work) const {
   double ns = receivers * receiver;
-  for (size_t i = 0; i < work.size(); ++i) ns += work[i] * Costs().softWork[i];
+  for (size_t i = 0; i < work.size(); ++i) ns += work[i] * workNs[i];
   return ms + samples * ns * 1e-6;
+}
+
+ProbeWindowsSettings filterWindows(int viewSamples) {
+  ProbeWindowsSettings s;
+  s.viewSamples = viewSamples;
+  return s;
 }
 
 bool castsSoftShadows(const LightShape& s) {
@@ -84,6 +94,21 @@ Result<Candidates> shadowCandidates(const ShadowInput& input, const v1::ShadowTe
       add(std::move(c), {.ms = samples * cost.sample * 1e-6, .receiver = receiver});
     }
   }
+  if (hasShadowLightFrame(light) && !input.clear) {
+    const ProbeWindowsSettings w = filterWindows(input.viewSamples);
+    const double windows = double(w.extent().elements()), windowsMs = (windows * cost.windowSample + probeWindowsRays(w) * out.probeRay) * 1e-6;
+    for (const uint32_t n : kFilterRays) {
+      AutomaticCandidate c;
+      c.technique.mutable_axis_aligned()->set_mean_samples(n);
+      c.text = "axis_aligned, " + std::to_string(n) + " rays";
+      const double ray = cost.filterRay * deep, receiver = kFilterPilot * cost.pilotRay * deep + cost.filtered;
+      add(std::move(c), {.ms = samples * cost.sample * 1e-6,
+                         .receiver = receiver,
+                         .judgeMs = windowsMs + windows * (receiver + (n - kFilterPilot) * ray) * 1e-6,
+                         .filtered = n,
+                         .workNs = {(n - kFilterPilot) * ray, cost.filterTap}});
+    }
+  }
   if (!shadowMapSupports(light.kind)) return out;
   Vec3 lo, hi;
   input.scene->bounds(lo, hi);
@@ -108,8 +133,12 @@ Result<Candidates> shadowCandidates(const ShadowInput& input, const v1::ShadowTe
       each.technique.mutable_percentage_closer_soft()->set_search_taps(uint32_t(taps.search));
       each.technique.mutable_percentage_closer_soft()->set_filter_taps(uint32_t(taps.filter));
       each.text = "percentage_closer_soft, " + std::to_string(taps.search) + " + " + std::to_string(taps.filter) + " taps, " + size;
-      add(std::move(each),
-          {.ms = mapMs + samples * cost.sample * 1e-6, .receiver = cost.softLookup, .mapMs = mapMs, .resolution = resolution, .taps = taps.filter});
+      add(std::move(each), {.ms = mapMs + samples * cost.sample * 1e-6,
+                            .receiver = cost.softLookup,
+                            .judgeMs = mapMs,
+                            .resolution = resolution,
+                            .taps = taps.filter,
+                            .workNs = std::to_array(cost.softWork)});
     }
   }
   return out;

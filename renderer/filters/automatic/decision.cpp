@@ -14,6 +14,8 @@ constexpr double kNearMiss = 1.25;     // what a probe cannot tell apart
 constexpr double kCloser = 0.5;        // standard error of an estimate after another look, of what it was
 constexpr double kUnseen = 1.0 / 12;   // of the pixel that a probe without any error did not see: a straight edge's mean square against the pixel's area
 constexpr double kShareOfTime = 0.05;  // of a time budget, for another look
+constexpr double kInsurance = 0.03;    // of a choice's time, for another look whatever the chance: how few pixels hold an error is not known either
+constexpr double kRivalErrors = 2.0;   // standard errors that a rival may be better than it was seen
 
 bool betterEvidence(const ProbeEvidence& x, const ProbeEvidence& y, const ShadowBudget& b) {
   const auto closer = [&] { return x.high() != y.high() ? x.high() < y.high() : x.ms < y.ms; };
@@ -49,19 +51,20 @@ double ProbeEvidence::low() const { return std::sqrt(std::max(0.0, mse - std::sq
 
 std::vector<ProbeEvidence> fallingErrors(std::span<const ProbeEvidence> rays) {
   struct Block {
-    double mse, variance, count;
+    double mse, variance, pixels, count;
   };
   std::vector<Block> blocks;
   for (const ProbeEvidence& e : rays) {
-    blocks.push_back({e.mse, e.variance, 1.0});
+    blocks.push_back({e.mse, e.variance, std::max(e.pixels, 1.0), 1.0});
     while (blocks.size() > 1 && blocks[blocks.size() - 2].mse < blocks.back().mse) {
       const Block last = blocks.back();
       blocks.pop_back();
       Block& b = blocks.back();
-      const double n = b.count + last.count;
-      b.mse = (b.count * b.mse + last.count * last.mse) / n;
-      b.variance = (b.count * b.variance + last.count * last.variance) / n;  // what they saw is the same pixels
-      b.count = n;
+      const double n = b.pixels + last.pixels;
+      b.mse = (b.pixels * b.mse + last.pixels * last.mse) / n;
+      b.variance = (b.pixels * b.variance + last.pixels * last.variance) / n;  // what they saw is the same pixels
+      b.pixels = n;
+      b.count += last.count;
     }
   }
   std::vector<ProbeEvidence> out(rays.begin(), rays.end());
@@ -89,8 +92,9 @@ std::vector<size_t> rivalsOf(std::span<const ProbeEvidence> candidates, const Sh
   for (size_t k = 0; k < candidates.size(); ++k) {
     const ProbeEvidence& c = candidates[k];
     if (k == chosen || !c.judged()) continue;
-    if (budget.timeMs > 0 ? c.ms <= budget.timeMs && c.low() < high
-                          : c.ms < candidates[chosen].ms && c.low() <= (high <= budget.error ? budget.error : kNearMiss * high))
+    const double low = std::sqrt(std::max(0.0, c.mse - kRivalErrors * std::sqrt(std::max(0.0, c.variance))));
+    if (budget.timeMs > 0 ? c.ms <= budget.timeMs && low < high
+                          : c.ms < candidates[chosen].ms && low <= (high <= budget.error ? budget.error : kNearMiss * high))
       out.push_back(k);
   }
   return out;
@@ -100,9 +104,13 @@ bool worthAnotherLook(std::span<const ProbeEvidence> candidates, const ShadowBud
   if (rivals.empty()) return false;
   if (budget.timeMs > 0) return costMs <= kShareOfTime * budget.timeMs;
   const double high = candidates[chosen].high(), keeps = high <= budget.error ? budget.error : kNearMiss * high;
-  double saved = 0;
-  for (const size_t k : rivals) saved = std::max(saved, chanceOf(candidates[k], keeps) * (candidates[chosen].ms - candidates[k].ms));
-  return saved > costMs;
+  double saved = 0, most = 0;
+  for (const size_t k : rivals) {
+    const double less = candidates[chosen].ms - candidates[k].ms;
+    most = std::max(most, less);
+    saved = std::max(saved, chanceOf(candidates[k], keeps) * less);
+  }
+  return saved > costMs || costMs < kInsurance * most;
 }
 
 }  // namespace filters

@@ -6,6 +6,7 @@
 
 #include "base/sobol.h"
 #include "filters/automatic/probe_pixels.h"
+#include "filters/automatic/probe_surfaces.h"
 #include "terms/gbuffer.h"
 #include "terms/light_points.h"
 #include "terms/visibility.h"
@@ -20,42 +21,13 @@ namespace {
 constexpr size_t kGrain = 8;       // pixels a task
 constexpr size_t kLookGrain = 64;  // the same of the first looks
 constexpr int kTruthSamples = 8;   // over a pixel, each half: both in one packet
-constexpr uint32_t kMostRays = 64;
-constexpr int kSequences = 3;  // soft shadows: of the ray counts, and two for the truth
-
-struct Surfaces {
-  std::span<float> P, N, Ng;
-  std::span<uint32_t> instance;
-  bool hit(size_t e) const { return instance[e] != kNoHit; }
-  Vec3 position(size_t e) const { return Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]); }
-  Vec3 normal(size_t e) const { return Vec3(Ng[3 * e], Ng[3 * e + 1], Ng[3 * e + 2]); }
-};
-struct Eye {
-  FilmRays film;
-  BackFaces passed;
-};
-
-/// Elements first .. first + count - 1: what the rays see. Shading normals are left out: a probe can do without them.
-void look(const SolidScene& scene, const Eye& eye, const Ray* ray, int count, const Surfaces& at, size_t first) {
-  Hit hit[16];
-  scene.accel().intersect16(ray, count, hit, &eye.passed);
-  for (int i = 0; i < count; ++i) {
-    const size_t e = first + size_t(i);
-    at.instance[e] = hit[i].instance;
-    const Vec3 p = hit[i].valid() ? ray[i].origin + ray[i].direction * hit[i].t : Vec3(0.0f);
-    const Vec3 n = !hit[i].valid() ? Vec3(0.0f) : glm::dot(hit[i].Ng, ray[i].direction) < 0 ? hit[i].Ng : -hit[i].Ng;
-    for (int c = 0; c < 3; ++c) {
-      at.P[3 * e + c] = p[c];
-      at.N[3 * e + c] = at.Ng[3 * e + c] = n[c];
-    }
-  }
-}
+constexpr int kSequences = 3;      // soft shadows: of the ray counts, and two for the truth
 
 class ShadowProbeNode final : public Node {
  public:
   explicit ShadowProbeNode(const ShadowProbeSettings& s) : s_(s) {}
   std::string type() const override { return "shadow_probe"; }
-  int version() const override { return 3; }
+  int version() const override { return 4; }  // 4: says where its pixels are
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::LightShape;
@@ -76,8 +48,8 @@ class ShadowProbeNode final : public Node {
                 Domain::Table,
                 {s_.judged * s_.viewSamples, 1, 1},
                 {plane<float>("P", 3), plane<float>("N", 3), plane<float>("Ng", 3), plane<uint32_t>("instance"), plane<float>("a"), plane<float>("b"),
-                 plane<float>("lit"), plane<double>("weight"), plane<uint32_t>("stratum"), plane<double>("mse"), plane<double>("variance"),
-                 plane<double>("share")}});
+                 plane<float>("lit"), plane<double>("weight"), plane<uint32_t>("stratum"), plane<uint32_t>("x"), plane<uint32_t>("y"), plane<double>("barely"),
+                 plane<double>("barely_variance"), plane<double>("mse"), plane<double>("variance"), plane<double>("share")}});
   }
   Cost cost(const TermShape&, uint32_t) const override {
     const double rays = shadowProbeRays(s_);
@@ -93,7 +65,7 @@ class ShadowProbeNode final : public Node {
     const Surfaces at{term->writable<float>("P"), term->writable<float>("N"), term->writable<float>("Ng"), term->writable<uint32_t>("instance")};
     const auto a = term->writable<float>("a"), b = term->writable<float>("b"), lit = term->writable<float>("lit");
     const auto weight = term->writable<double>("weight");
-    const auto stratum = term->writable<uint32_t>("stratum");
+    const auto stratum = term->writable<uint32_t>("stratum"), x = term->writable<uint32_t>("x"), y = term->writable<uint32_t>("y");
     ProbeDesign design;
     design.width = s_.width;
     design.height = s_.height;
@@ -115,6 +87,7 @@ class ShadowProbeNode final : public Node {
     const size_t S = size_t(s_.viewSamples), K = s_.rays.size(), pixels = chosen.judged.size();
     GOBO_CHECK(pixels == size_t(s_.judged));
     std::vector<double> errors(pixels * K, 0.0);
+    std::vector<char> barely(pixels, 0);  // little of the light can shine there
     const bool done = ctx.arena->parallelFor(
         pixels, kGrain,
         [&](size_t from, size_t to) {
@@ -122,7 +95,7 @@ class ShadowProbeNode final : public Node {
           for (size_t p = from; p < to; ++p) {
             const std::span<double> e = std::span(errors).subspan(p * K, K);
             if (light.pointLike()) judgeHard(scene, light, eye, chosen.judged[p].at, at, p, a, b, lit, e, rays);
-            else judgeSoft(scene, light, eye, chosen.judged[p].at, at, p, a, b, lit, e, rays);
+            else barely[p] = judgeSoft(scene, light, eye, chosen.judged[p].at, at, p, a, b, lit, e, rays);
           }
           if (ctx.counters) ctx.counters->rays += rays;
         },
@@ -131,13 +104,17 @@ class ShadowProbeNode final : public Node {
     for (size_t p = 0; p < pixels; ++p) {
       weight[p * S] = chosen.judged[p].weight;
       stratum[p * S] = chosen.judged[p].stratum;
+      x[p * S] = uint32_t(chosen.judged[p].at.x);
+      y[p * S] = uint32_t(chosen.judged[p].at.y);
     }
-    const auto mse = term->writable<double>("mse"), variance = term->writable<double>("variance");
-    for (size_t k = 0; k < K; ++k) {
-      StratifiedSum sum;
-      for (size_t p = 0; p < pixels; ++p) sum.add(chosen.judged[p], errors[p * K + k]);
-      mse[k] = chosen.receivers > 0 ? sum.sum() / chosen.receivers : 0.0;
-      variance[k] = chosen.receivers > 0 ? sum.variance() / (chosen.receivers * chosen.receivers) : 0.0;
+    for (const bool all : {true, false}) {
+      const auto mse = term->writable<double>(all ? "mse" : "barely"), variance = term->writable<double>(all ? "variance" : "barely_variance");
+      for (size_t k = 0; k < K && chosen.receivers > 0; ++k) {
+        StratifiedSum sum;
+        for (size_t p = 0; p < pixels; ++p) sum.add(chosen.judged[p], all || barely[p] ? errors[p * K + k] : 0.0);
+        mse[k] = sum.sum() / chosen.receivers;
+        variance[k] = sum.variance() / (chosen.receivers * chosen.receivers);
+      }
     }
     term->writable<double>("share")[0] = chosen.receivers;
     return TermPtr(term);
@@ -244,8 +221,9 @@ class ShadowProbeNode final : public Node {
     rays += uint64_t(waiting);
   }
 
-  /// Soft shadows at the pixel's view samples: truth in two halves, ray counts by their own sequences.
-  void judgeSoft(const SolidScene& scene, const LightPoints& light, const Eye& eye, PixelPlace pixel, const Surfaces& at, size_t p, std::span<float> outA,
+  /// Soft shadows at the pixel's view samples: truth in two halves, ray counts by their own sequences. Whether little of the light
+  /// can shine there.
+  bool judgeSoft(const SolidScene& scene, const LightPoints& light, const Eye& eye, PixelPlace pixel, const Surfaces& at, size_t p, std::span<float> outA,
                  std::span<float> outB, std::span<float> outLit, std::span<double> errors, uint64_t& rays) const {
     const size_t S = size_t(s_.viewSamples), first = p * S;
     Ray view[16];
@@ -258,17 +236,19 @@ class ShadowProbeNode final : public Node {
     // Independent sequences of one distribution: the beginnings of each are what ray counts would see, and the whole of the others the truth.
     const uint32_t length[kSequences] = {std::max(s_.truthRays, s_.rays.empty() ? 1 : s_.rays.back()), s_.truthRays, s_.truthRays};
     const size_t K = s_.rays.size();
-    double lit = 0, whole[kSequences] = {}, estimate[kSequences][kMostRays] = {};
+    bool little = false;
+    double lit = 0, whole[kSequences] = {}, estimate[kSequences][kMostProbeRays] = {};
     for (size_t s = 0; s < S; ++s) {
       const size_t e = first + s;
       if (!at.hit(e)) continue;
-      float prefix[kSequences][kMostRays];
+      float prefix[kSequences][kMostProbeRays];
       bool shines = true;
       for (int q = 0; q < kSequences && shines; ++q) {
         const uint64_t seed = q == 0 ? viewSampleSeed(s_.seed, e) : hash64(s_.seed, hash64(e, uint64_t(q)));
-        if (trace(scene, light, at.position(e), at.normal(e), seed, length[q], prefix[q], rays)) continue;
-        if (q == 0) shines = false;
-        else std::fill_n(prefix[q], length[q], 1.0f);
+        const uint32_t from = visibilityOfPoints(scene, light, at.position(e), at.normal(e), at.geometricNormal(e), seed, length[q], prefix[q], rays);
+        if (q > 0) continue;
+        shines = from > 0;
+        little |= shines && 2 * from < length[0];
       }
       if (!shines) continue;
       outLit[e] = 1.0f;
@@ -279,7 +259,7 @@ class ShadowProbeNode final : public Node {
           if (s_.rays[k] <= length[q]) estimate[q][k] += prefix[q][s_.rays[k] - 1];
       }
     }
-    if (!(lit > 0)) return;
+    if (!(lit > 0)) return false;
     for (double& w : whole) w /= lit;
     outA[first] = float(whole[0]);
     outB[first] = float(0.5 * (whole[1] + whole[2]));
@@ -293,41 +273,7 @@ class ShadowProbeNode final : public Node {
       }
       errors[k] = sum / count;
     }
-  }
-
-  /// prefix[i]: visibility by the first i + 1 points of a sequence. False where the light cannot shine.
-  static bool trace(const SolidScene& scene, const LightPoints& light, const Vec3& p, const Vec3& n, uint64_t seed, uint32_t count, float* prefix,
-                    uint64_t& rays) {
-    Ray packet[16];
-    uint32_t at[16];
-    int waiting = 0;
-    float weight[kMostRays] = {};
-    bool open[kMostRays] = {};
-    GOBO_CHECK(count <= kMostRays);
-    const auto flush = [&] {
-      const uint32_t blocked = waiting ? scene.occluded16(packet, waiting) : 0;
-      for (int i = 0; i < waiting; ++i) open[at[i]] = !(blocked >> i & 1);
-      rays += uint64_t(waiting);
-      waiting = 0;
-    };
-    for (uint32_t i = 0; i < count; ++i) {
-      LightPoint point;
-      const Vec2 u = light.pointLike() ? Vec2(0.5f) : SobolSampler(seed, i).next2D();
-      if (!light.sample(p, n, n, u, point)) continue;
-      weight[i] = point.weight;
-      if (point.belowSurface) continue;
-      packet[waiting] = shadowRay(scene.accel(), p, n, point);
-      at[waiting++] = i;
-      if (waiting == 16) flush();
-    }
-    flush();
-    double seen = 0, sum = 0;
-    for (uint32_t i = 0; i < count; ++i) {
-      sum += weight[i];
-      if (open[i]) seen += weight[i];
-      prefix[i] = sum > 0 ? float(seen / sum) : 1.0f;
-    }
-    return sum > 0;
+    return little;
   }
 
   ShadowProbeSettings s_;

@@ -33,7 +33,9 @@ struct ShadowProbeSettings {
 /// Term "shadow_probe", domain Table, an element per view sample of the judged pixels: planes P, N, Ng f32x3 (N is Ng), instance u32 (a G-buffer for shadow
 /// lookups); lit f32: 1 where the light can shine. Of a pixel's first element: a, b f32: two independent halves of the pixel's true visibility ((V - a)(V - b)
 /// is free of the truth's own noise in the mean); weight f64, stratum u32: ProbePixel's. Planes mse, variance f64: mean squared error over what the light can
-/// shine on of each ray count, and the variance of that estimate (first elements); share f64: share of the pixels that show a receiver (first element).
+/// shine on of each ray count, and the variance of that estimate (first elements); barely, barely_variance f64: the part of that where little of an area light
+/// can shine, so that few rays may say "none", which is visibility 1; share f64: share of the pixels that show a receiver (first element); x, y u32: a pixel's
+/// place (its first element).
 NodePtr makeShadowProbeNode(const ShadowProbeSettings& settings);
 /// Rays that it takes, at most.
 double shadowProbeRays(const ShadowProbeSettings& settings);

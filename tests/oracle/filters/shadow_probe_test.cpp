@@ -5,7 +5,10 @@
 
 #include <cmath>
 
+#include "filters/automatic/probe_windows.h"
 #include "filters/automatic/shadow_probe.h"
+#include "filters/axis_aligned/maps.h"
+#include "filters/axis_aligned/technique.h"
 #include "filters/shadow_map/techniques.h"
 #include "filters/soft_shadow/soft_kernels.h"
 #include "filters/soft_shadow/techniques.h"
@@ -245,6 +248,63 @@ TEST(ShadowProbe, SoftMapsErrorsAndWorkAreThoseOfThePicture) {
     // To say what it read changes nothing of what it says.
     const ShadowRun plain = runShadow(scene, map(kTexels, true), {kProbeWidth, kProbeHeight}, light);
     EXPECT_TRUE(std::equal(plain.V().begin(), plain.V().end(), whole.V().begin()));
+  }
+}
+
+// A filter's error by windows about some of the probe's pixels: that of as many rays, times the ratio of both in the windows.
+TEST(ShadowProbe, FiltersErrorsAreThoseOfThePicture) {
+  constexpr uint32_t kFilterRays = 4;
+  for (const ProbeScene& s : {ProbeScene{"fence", "key"}, {"spheres", "key"}, {"lights8", "rim"}}) {
+    const ScenePtr scene = sceneOf(s);
+    const int light = scene->findLight(s.light);
+    ASSERT_GE(light, 0);
+    v1::ShadowTechnique filter;
+    filter.mutable_axis_aligned()->set_mean_samples(kFilterRays);
+    const ShadowRun truth = runShadow(scene, rays(1024), {kProbeWidth, kProbeHeight}, light),
+                    whole = runShadow(scene, filter, {kProbeWidth, kProbeHeight}, light);
+    const Brute brute{std::vector<float>(truth.V().begin(), truth.V().end()), receivers(truth, *scene, light)};
+    const double plain = brute.mse(runShadow(scene, rays(kFilterRays), {kProbeWidth, kProbeHeight}, light).V()), filtered = brute.mse(whole.V());
+    std::vector<double> ratios, variances, shares;
+    for (uint64_t seed = 1; seed <= kProbeSeeds; ++seed) {
+      NodeId errors = -1;
+      const ShadowRun r = runPlanned(
+          scene,
+          [&](Graph& g, const ShadowInput& in) -> Result<NodeId> {
+            ShadowProbeSettings p;
+            p.camera = in.camera;
+            p.width = in.width;
+            p.height = in.height;
+            p.judged = 96;
+            p.rays = {kFilterRays};
+            p.seed = seed;
+            const NodeId probe = g.add({makeShadowProbeNode(p), {}, {in.light}, "probe", 0, in.scene, false});
+            ProbeWindowsSettings w;
+            w.camera = in.camera;
+            w.width = in.width;
+            w.height = in.height;
+            w.seed = seed;
+            ShadowInput there = in;
+            there.gbuffer = g.add({makeProbeWindowsNode(w), {probe}, {in.light}, "windows", 0, in.scene, false});
+            there.width = there.height = w.side();
+            there.viewSamples = w.extent().layers;
+            GOBO_ASSIGN(const NodeId visibility, axisAlignedShadowTechnique().plan(g, there, filter));
+            GOBO_ASSIGN(const NodeId maps, planShadowFilterMaps(g, visibility));
+            return errors = g.add({makeWindowErrorsNode({w, kFilterRays}), {there.gbuffer, visibility, maps}, {}, "errors", 0, nullptr, false});
+          },
+          {kProbeWidth, kProbeHeight}, light);
+      ASSERT_TRUE(r.ok());
+      const Term& t = *r.terms[size_t(errors)];
+      ratios.push_back(t.plane<double>("ratio")[0]);
+      variances.push_back(t.plane<double>("variance")[0]);
+      shares.push_back(t.plane<double>("work")[0]);
+    }
+    ASSERT_LT(filtered, plain) << s.scene;
+    expectRight(std::string(s.scene) + ", filter over rays", ratios, variances, filtered / plain, 0.25);
+    double share = 0, lit = 0;
+    for (const double x : shares) share += x / double(kProbeSeeds);
+    const auto omega = whole.term("shadow_predicted_width")->floats("Omega");
+    for (const float o : omega) lit += o > 0.0f;
+    EXPECT_NEAR(share, lit / double(omega.size()), 0.15 * lit / double(omega.size())) << s.scene;
   }
 }
 

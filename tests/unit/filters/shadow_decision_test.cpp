@@ -81,6 +81,17 @@ TEST(ShadowDecision, ALookMustPayForItself) {
   EXPECT_FALSE(worthAnotherLook(c, {0.05, 20}, 0, rivals, 1.1));
 }
 
+// How few pixels hold an error is not known either: a rival may be better than it was seen to be by two standard errors, and a look that costs next to nothing
+// beside what is at stake needs no chance.
+TEST(ShadowDecision, CheapLooksAreInsurance) {
+  EXPECT_EQ(rivalsOf(std::vector{known(100, 0.02), known(2, 0.06, 0.2)}, {0.05}, 0), std::vector<size_t>{1}) << "0.0036 is within 1.6 of 0.0007 above 0.0025";
+  EXPECT_TRUE(rivalsOf(std::vector{known(100, 0.02), known(2, 0.06, 0.14)}, {0.05}, 0).empty());
+  const std::vector<ProbeEvidence> c{known(100, 0.02), known(2, 0.06, 0.01)};
+  const std::vector<size_t> rival{1};
+  EXPECT_TRUE(worthAnotherLook(c, {0.05}, 0, rival, 0.03 * 98 - 0.01));
+  EXPECT_FALSE(worthAnotherLook(c, {0.05}, 0, rival, 0.03 * 98 + 0.01));
+}
+
 TEST(ShadowDecision, MoreRaysAreNoWorse) {
   const auto falls = fallingErrors(std::vector{ProbeEvidence{1, 0.09, 4e-4, 10}, {2, 0.01, 1e-4, 10}, {3, 0.03, 3e-4, 10}, {4, 0.005, 1e-5, 10}});
   ASSERT_EQ(falls.size(), 4u);
@@ -94,6 +105,11 @@ TEST(ShadowDecision, MoreRaysAreNoWorse) {
   // One that rises above all before it takes all of them with it.
   for (const ProbeEvidence& e : fallingErrors(std::vector{ProbeEvidence{1, 0.02, 0, 10}, {2, 0.01, 0, 10}, {3, 0.06, 0, 10}})) EXPECT_NEAR(e.mse, 0.03, 1e-15);
   EXPECT_TRUE(fallingErrors({}).empty());
+  // What more pixels say counts for more.
+  for (const ProbeEvidence& e : fallingErrors(std::vector{ProbeEvidence{1, 0.02, 1e-4, 10}, {2, 0.06, 5e-4, 30}})) {
+    EXPECT_NEAR(e.mse, 0.05, 1e-15);
+    EXPECT_NEAR(e.variance, 4e-4, 1e-15);
+  }
 }
 
 }  // namespace
