@@ -27,7 +27,8 @@ struct LookSize {
 };
 constexpr LookSize kHardLooks[] = {{576, 64, 96}, {1152, 192, 384}, {2304, 512, 1536}};
 constexpr LookSize kSoftLooks[] = {{576, 64, 96}, {1152, 128, 288}, {2304, 512, 1152}, {4608, 1024, 4608}};
-constexpr double kCoarse = 0.1;           // errors allowed from which half the rays of the truth do
+constexpr double kCoarse = 0.1;  // errors allowed from which fewer rays of the truth do
+constexpr uint32_t kFewTruthRays = 8;
 constexpr double kHardTaps = 4;           // rays a view sample that a virtual map takes
 constexpr double kMapHelps = 0.5;         // chance that a soft map or a filter which was not judged yet keeps the error
 constexpr double kShareOfFilters = 0.25;  // of a time budget, for windows that one filter is judged by
@@ -54,7 +55,7 @@ class Chooser {
     const v1::AutomaticShadow& a = technique.auto_();
     budget_ = {numberParameter(a, "error"), a.has_time_ms() ? a.time_ms() : 0.0};
     probe_.rays = counts_ = std::move(candidates.rays);
-    if (soft_ && budget_.error >= kCoarse) probe_.truthRays /= 2;
+    if (soft_ && budget_.error >= kCoarse) probe_.truthRays = kFewTruthRays;
     probe_.camera = input.camera;
     probe_.width = input.filmWidth();
     probe_.height = input.filmHeight();
@@ -126,7 +127,10 @@ class Chooser {
     // Of ray counts, those that it is for, and fewer.
     size_t most = choice_.chosen < rays_ ? choice_.chosen : 0;
     for (const size_t k : rivals) most = std::max(most, k < rays_ ? k : 0);
-    if (rays_ > 0) probe_.rays.assign(counts_.begin(), counts_.begin() + long(most) + 1);
+    if (rays_ > 0) {
+      probe_.rays.assign(counts_.begin(), counts_.begin() + long(most) + 1);
+      if (soft_ && probe_.rays.back() <= kFewTruthRays) probe_.truthRays = kFewTruthRays;
+    }
     const double taps = soft_ ? 0.0 : kHardTaps * double(again.size()) * probe_.judged * input_.viewSamples;  // a soft lookup is nothing beside 60 rays
     double costMs = (shadowProbeRays(probe_) + taps) * probeRay_ * 1e-6;
     for (const size_t k : again)

@@ -47,8 +47,8 @@ inline void look(const SolidScene& scene, const Eye& eye, const Ray* ray, int co
 constexpr uint32_t kMostProbeRays = 64;
 /// prefix[i]: visibility at p by the first i + 1 of `count` points (at most kMostProbeRays) of a sequence. How many of them the light can shine
 /// from; 1 where from none.
-inline uint32_t visibilityOfPoints(const SolidScene& scene, const LightPoints& light, const Vec3& p, const Vec3& N, const Vec3& Ng, uint64_t seed, uint32_t count, float* prefix,
-                               uint64_t& rays) {
+inline uint32_t visibilityOfPoints(const SolidScene& scene, const LightPoints& light, const Vec3& p, const Vec3& N, const Vec3& Ng, uint64_t seed,
+                                   uint32_t count, float* prefix, uint64_t& rays) {
   Ray packet[16];
   uint32_t at[16];
   int waiting = 0;

@@ -13,9 +13,9 @@ namespace gobo {
 inline namespace filters {
 namespace {
 
-constexpr double kEven = 0.03;                // added to V (1 - V): pixels without a penumbra may have one beside them
-constexpr double kEvenDark = 0.008;           // the same where the light cannot shine, but may beside it
-constexpr int kCore = 4, kCoreStep = 2;       // judged: every second pixel of those about the middle; those farther out see less than the picture has around them
+constexpr double kEven = 0.03;           // added to V (1 - V): pixels without a penumbra may have one beside them
+constexpr double kEvenDark = 0.008;      // the same where the light cannot shine, but may beside it
+constexpr int kCore = 4, kCoreStep = 2;  // judged: every second pixel of those about the middle; those farther out see less than the picture has around them
 constexpr uint32_t kNoiseRays[] = {1, 4, 8, 16};
 constexpr size_t kNoises = std::size(kNoiseRays);
 
@@ -46,12 +46,12 @@ class ProbeWindowsNode final : public Node {
     for (const char* each : {"a", "b", "lit"}) w.reads<float>(0, each);
     w.reads<double>(0, "weight");
     for (const char* each : {"x", "y"}) w.reads<uint32_t>(0, each);
-    return w.gives({type(),
-                    Domain::ViewSample,
-                    s_.extent(),
-                    {plane<float>("P", 3), plane<float>("N", 3), plane<float>("Ng", 3), plane<float>("footprint"), plane<uint32_t>("instance"),
-                     plane<float>("a"), plane<float>("b"), plane<float>("noise", int(kNoises)), plane<float>("lit"), plane<uint8_t>("inside"),
-                     plane<double>("weight")}});
+    return w.gives(
+        {type(),
+         Domain::ViewSample,
+         s_.extent(),
+         {plane<float>("P", 3), plane<float>("N", 3), plane<float>("Ng", 3), plane<float>("footprint"), plane<uint32_t>("instance"), plane<float>("a"),
+          plane<float>("b"), plane<float>("noise", int(kNoises)), plane<float>("lit"), plane<uint8_t>("inside"), plane<double>("weight")}});
   }
   Cost cost(const TermShape&, uint32_t) const override {
     const double rays = double(s_.extent().elements()) + probeWindowsRays(s_);
@@ -135,7 +135,8 @@ class ProbeWindowsNode final : public Node {
                 for (uint64_t h = 0; h < 2 && shines; ++h) {
                   const uint64_t seed = hash64(hash64(s_.seed, 0x7a1f + h), e);
                   shines = 2 * visibilityOfPoints(scene, light, surfaces.position(e), surfaces.normal(e), surfaces.geometricNormal(e), seed, kWindowTruthRays,
-                                                  prefix[h], rays) >= kWindowTruthRays;
+                                                  prefix[h], rays) >=
+                           kWindowTruthRays;
                 }
                 if (!shines) continue;
                 lit[e] = 1.0f;
@@ -206,9 +207,7 @@ class WindowErrorsNode final : public Node {
     t.smallOutput = true;
     return t;
   }
-  void hashParameters(Hasher& h) const override {
-    h.add(s_.windows.viewSamples).add(s_.windows.windows).add(s_.windows.radius).add(s_.rays);
-  }
+  void hashParameters(Hasher& h) const override { h.add(s_.windows.viewSamples).add(s_.windows.windows).add(s_.windows.radius).add(s_.rays); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 3);
     for (size_t i = 0; i < 3; ++i) w.over(i, s_.windows.extent());
@@ -272,9 +271,7 @@ class WindowErrorsNode final : public Node {
 
 }  // namespace
 
-double probeWindowsRays(const ProbeWindowsSettings& s) {
-  return double(s.windows) * s.viewSamples * double(corePixels(s).size()) * 2.0 * kWindowTruthRays;
-}
+double probeWindowsRays(const ProbeWindowsSettings& s) { return double(s.windows) * s.viewSamples * double(corePixels(s).size()) * 2.0 * kWindowTruthRays; }
 NodePtr makeProbeWindowsNode(const ProbeWindowsSettings& settings) { return std::make_shared<ProbeWindowsNode>(settings); }
 NodePtr makeWindowErrorsNode(const WindowErrorsSettings& settings) { return std::make_shared<WindowErrorsNode>(settings); }
 
