@@ -124,8 +124,9 @@ class Chooser {
       if (k >= rays_) again.push_back(k);
     if (choice_.chosen >= rays_) again.push_back(choice_.chosen);
     design(look);
-    // Of ray counts, those that it is for, and fewer.
+    // Of ray counts, those that it is for, and fewer; all of them if nothing is known of any.
     size_t most = choice_.chosen < rays_ ? choice_.chosen : 0;
+    if (rays_ > 0 && blindChoice(evidence_, budget_, choice_.chosen)) most = rays_ - 1;
     for (const size_t k : rivals) most = std::max(most, k < rays_ ? k : 0);
     if (rays_ > 0) {
       probe_.rays.assign(counts_.begin(), counts_.begin() + long(most) + 1);

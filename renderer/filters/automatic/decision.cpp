@@ -15,6 +15,8 @@ constexpr double kCloser = 0.5;        // standard error of an estimate after an
 constexpr double kUnseen = 1.0 / 12;   // of the pixel that a probe without any error did not see: a straight edge's mean square against the pixel's area
 constexpr double kShareOfTime = 0.05;  // of a time budget, for another look
 constexpr double kInsurance = 0.03;    // of a choice's time, for another look whatever the chance: how few pixels hold an error is not known either
+constexpr double kBlind = 0.5;         // of the error allowed, that one unseen pixel may make
+constexpr double kAssurance = 0.25;    // of a choice's time, for another look where the first saw no error at all
 constexpr double kRivalErrors = 2.0;   // standard errors that a rival may be better than it was seen
 
 bool betterEvidence(const ProbeEvidence& x, const ProbeEvidence& y, const ShadowBudget& b) {
@@ -100,7 +102,13 @@ std::vector<size_t> rivalsOf(std::span<const ProbeEvidence> candidates, const Sh
   return out;
 }
 
+bool blindChoice(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen) {
+  const ProbeEvidence& c = candidates[chosen];
+  return !(budget.timeMs > 0) && !(c.variance > 0) && c.high() > kBlind * budget.error;
+}
+
 bool worthAnotherLook(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen, std::span<const size_t> rivals, double costMs) {
+  if (blindChoice(candidates, budget, chosen) && costMs < kAssurance * candidates[chosen].ms) return true;
   if (rivals.empty()) return false;
   if (budget.timeMs > 0) return costMs <= kShareOfTime * budget.timeMs;
   const double high = candidates[chosen].high(), keeps = high <= budget.error ? budget.error : kNearMiss * high;

@@ -36,8 +36,10 @@ struct ShadowBudget {
 size_t chooseByEvidence(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget);
 /// Cheaper ones (within a time: any that fits) that would be chosen in the place of `chosen` if their errors were at the lower end of what is known.
 std::vector<size_t> rivalsOf(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen);
-/// Whether to look again at `chosen` and its rivals for `costMs`: what one of them would save, times the chance that it is found to do, must be more. Within a
-/// time, what is looked at must stay a small part of it.
+/// Nothing was seen of its error, and one pixel on an edge among as many would make half of what is allowed.
+bool blindChoice(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen);
+/// Whether to look again at `chosen` and its rivals for `costMs`: what one of them would save, times the chance that it is found to do, must be more; or it
+/// costs next to nothing beside what may be saved, or little beside a blind choice. Within a time, what is looked at must stay a small part of it.
 bool worthAnotherLook(std::span<const ProbeEvidence> candidates, const ShadowBudget& budget, size_t chosen, std::span<const size_t> rivals, double costMs);
 
 }  // namespace filters

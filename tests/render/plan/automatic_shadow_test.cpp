@@ -166,6 +166,23 @@ TEST(AutomaticShadow, FiltersWinWherePenumbrasAreWide) {
   EXPECT_EQ(pickOf(mustRender(*engine, part)).error, pickOf(picked).error);
 }
 
+// Penumbras on a twentieth of the picture, the rest sharp: a first look of a hundred pixels sees none of them by some seeds.
+TEST(AutomaticShadow, ALookThatSeesNoErrorIsNotTheLast) {
+  auto engine = makeEngine();
+  for (const uint64_t seed : {1, 5, 6}) {
+    v1::RenderRequest r = smallRequest("atrium", 640, 480);
+    r.set_view_samples(1);
+    r.set_seed(seed);
+    r.mutable_camera()->set_name("gallery");
+    set(r, "lights.sun.angular_size_deg=1");
+    r.add_outputs("visibility:sun");
+    v1::RenderRequest exact = r;
+    set(r, "shadows.auto.error=0.03");
+    set(exact, "shadows.ray_traced.samples=256");
+    EXPECT_LT(rmse(mustRender(*engine, r), mustRender(*engine, exact)), 0.04) << seed << ": with one ray it is 0.08";
+  }
+}
+
 // Windows cost what some thousand pixels of a filter do: nothing that a small picture, or little time, could pay for.
 TEST(AutomaticShadow, FiltersAreJudgedWhereThatCanPay) {
   auto engine = makeEngine();

@@ -92,6 +92,17 @@ TEST(ShadowDecision, CheapLooksAreInsurance) {
   EXPECT_FALSE(worthAnotherLook(c, {0.05}, 0, rival, 0.03 * 98 + 0.01));
 }
 
+// A cheapest candidate of which no error was seen has no rival; it is looked at again for its own sake where it is cheap to.
+TEST(ShadowDecision, BlindChoicesAreLookedAtAgain) {
+  const std::vector<ProbeEvidence> c{{20, 0, 0, 96}, {40, 0, 0, 96}};  // an unseen pixel: 0.0295
+  EXPECT_TRUE(blindChoice(c, {0.03}, 0));
+  EXPECT_TRUE(worthAnotherLook(c, {0.03}, 0, {}, 4.9));
+  EXPECT_FALSE(worthAnotherLook(c, {0.03}, 0, {}, 5.1));
+  EXPECT_FALSE(worthAnotherLook(c, {0.1}, 0, {}, 4.9)) << "it could not matter";
+  EXPECT_FALSE(blindChoice(c, {0.03, 5}, 0));
+  EXPECT_FALSE(blindChoice(std::vector{known(20, 0.029, 0.1)}, {0.03}, 0));
+}
+
 TEST(ShadowDecision, MoreRaysAreNoWorse) {
   const auto falls = fallingErrors(std::vector{ProbeEvidence{1, 0.09, 4e-4, 10}, {2, 0.01, 1e-4, 10}, {3, 0.03, 3e-4, 10}, {4, 0.005, 1e-5, 10}});
   ASSERT_EQ(falls.size(), 4u);
