@@ -184,6 +184,7 @@ class Chooser {
     w.camera = input_.camera;
     w.width = input_.filmWidth();
     w.height = input_.filmHeight();
+    w.judged = int(judged_);
     w.seed = probe_.seed;
     ShadowInput there = input_;
     there.gbuffer = graph_.add({makeProbeWindowsNode(w), {node_}, {input_.light}, "probe_windows:" + light_.name + nameOf(look), 0, input_.scene, false});

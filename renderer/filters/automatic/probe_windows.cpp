@@ -43,6 +43,7 @@ class ProbeWindowsNode final : public Node {
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 1);
+    w.over(0, {s_.judged * s_.viewSamples, 1, 1});
     for (const char* each : {"a", "b", "lit"}) w.reads<float>(0, each);
     w.reads<double>(0, "weight");
     for (const char* each : {"x", "y"}) w.reads<uint32_t>(0, each);
@@ -89,7 +90,7 @@ class ProbeWindowsNode final : public Node {
             const int x0 = int(px[at]) - s_.radius, y0 = int(py[at]) - s_.radius;
             const Vec2 offset = viewSamplePosition(int(layer % S), s_.viewSamples);
             Ray ray[16];
-            size_t element[16];
+            size_t element[16] = {};
             int count = 0;
             const auto flush = [&] {
               Hit hit[16];

@@ -21,6 +21,7 @@ constexpr uint32_t kWindowTruthRays = 16;  ///< per view sample, of each half
 struct ProbeWindowsSettings {
   Camera camera;
   int width = 0, height = 0, viewSamples = 1;  ///< of the picture
+  int judged = 128;                            ///< pixels of the shadow probe
   int windows = 24, radius = 13;
   uint64_t seed = 0;
   int side() const { return 2 * radius + 1; }

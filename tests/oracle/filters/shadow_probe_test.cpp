@@ -282,6 +282,7 @@ TEST(ShadowProbe, FiltersErrorsAreThoseOfThePicture) {
             w.camera = in.camera;
             w.width = in.width;
             w.height = in.height;
+            w.judged = p.judged;
             w.seed = seed;
             ShadowInput there = in;
             there.gbuffer = g.add({makeProbeWindowsNode(w), {probe}, {in.light}, "windows", 0, in.scene, false});
