@@ -5,25 +5,16 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/small_angle.h"
 #include "base/to_index.h"
 
 namespace gobo {
 inline namespace scene {
 namespace {
 
-/// Integrals over t from 0 to tau of (1 - t) cos(t step) and (1 - t) sin(t step): the falling half of a tent against the sine of
-/// (centre + t step) is sin(centre) * cosine + cos(centre) * sine.
-struct Ramp {
-  double cosine, sine;
-  Ramp(double tau, double step) {
-    const double x = tau * step, s = std::sin(x), half = std::sin(0.5 * x), versine = 2.0 * half * half;
-    cosine = (1.0 - tau) * s / step + versine / (step * step);
-    sine = (versine + tau * (1.0 - versine)) / step - s / (step * step);
-  }
-};
+constexpr double kOver[] = {0.0, 1.0, 1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 5, 1.0 / 6, 1.0 / 7, 1.0 / 8, 1.0 / 9, 1.0 / 10, 1.0 / 11, 1.0 / 12, 1.0 / 13};
 
 }  // namespace
-
 Vec3 interpolateTexels(const Environment& map, double x, double y) {
   const int w = map.width, h = map.height;
   const double fx = x - 0.5, fy = std::clamp(y - 0.5, 0.0, double(h - 1));
@@ -35,40 +26,75 @@ Vec3 interpolateTexels(const Environment& map, double x, double y) {
   return (upper[x0] * (1.0f - a) + upper[x1] * a) * (1.0f - b) + (lower[x0] * (1.0f - a) + lower[x1] * a) * b;
 }
 
+/// Integrals over t from 0 to tau of (1 - t) cos(t step) and (1 - t) sin(t step): the falling half of a tent against the sine of
+/// (centre + t step) is sin(centre) * cosine + cos(centre) * sine. With them what else depends on x = tau step.
+struct EnvironmentTents::Ramp {
+  double cosine, sine;
+  SmallAngle x;
+};
+
+EnvironmentTents::Ramp EnvironmentTents::ramp(double tau) const {
+  const SmallAngle x(tau * step_);
+  if (terms_ == 0) {
+    const double half = std::sin(0.5 * tau * step_), versine = 2.0 * half * half;
+    return {(1.0 - tau) * x.sine / step_ + versine / (step_ * step_), (versine + tau * (1.0 - versine)) / step_ - x.sine / (step_ * step_), x};
+  }
+  // Term by term; closed forms cancel where rows are narrow.
+  double cosine = 0.0, sine = 0.0, power = tau;
+  for (int k = 0; k < terms_; ++k) {
+    cosine += cosineTerms_[k] * power * (kOver[2 * k + 1] - tau * kOver[2 * k + 2]);
+    power *= tau;
+    sine += sineTerms_[k] * power * (kOver[2 * k + 2] - tau * kOver[2 * k + 3]);
+    power *= tau;
+  }
+  return {cosine, sine, x};
+}
+
 EnvironmentTents::EnvironmentTents(int width, int height)
-    : height_(height), step_(std::numbers::pi / height), azimuthStep_(2.0 * std::numbers::pi / width), above_(size_t(height)) {
-  const Ramp whole(1.0, step_);
+    : height_(height), step_(std::numbers::pi / height), azimuthStep_(2.0 * std::numbers::pi / width), above_(size_t(height)), rows_(size_t(height)) {
+  if (step_ < SmallAngle::kMost)
+    for (double size = 1.0; terms_ < 6 && std::fabs(size) > 1e-17; ++terms_) {
+      cosineTerms_[terms_] = size;
+      size *= step_ / (2 * terms_ + 1);
+      sineTerms_[terms_] = size;
+      size *= -step_ / (2 * terms_ + 2);
+    }
+  const Ramp whole = ramp(1.0);
   const double quarter = std::sin(0.25 * step_);
   above_[0] = 2.0 * quarter * quarter;  // the cap above the first row's centres, where the look-up is constant in the polar angle
-  for (int y = 1; y < height; ++y) {
+  for (int y = 0; y < height; ++y) {
     // Angles from the nearer pole: the sine keeps its digits.
-    const double centre = (std::min(y, height - 1 - y) + 0.5) * step_, side = 2 * y < height ? 1.0 : -1.0;
-    above_[size_t(y)] = step_ * (std::sin(centre) * whole.cosine - side * std::cos(centre) * whole.sine);
+    const double near = (std::min(y, height - 1 - y) + 0.5) * step_, side = 2 * y < height ? 1.0 : -1.0;
+    rows_[size_t(y)] = {(y + 0.5) * step_, std::sin(near), side * std::cos(near)};
+    if (y > 0) above_[size_t(y)] = step_ * (rows_[size_t(y)].sine * whole.cosine - rows_[size_t(y)].cosine * whole.sine);
   }
 }
 
-double EnvironmentTents::polar(int y, double u) const {
+EnvironmentTents::Polar EnvironmentTents::polar(int y, double u) const {
   const double target = u * (above(y) + below(y)) - above(y);
   const bool up = target < 0.0;
   const int row = up ? y : height_ - 1 - y;  // as seen from the pole that the sample lies towards
-  const double all = above(row), part = std::min(std::fabs(target), all), centre = (row + 0.5) * step_;
-  double angle;  // from that pole
+  const double all = above(row), part = std::min(std::fabs(target), all);
+  Polar from;  // that pole
   if (row == 0) {
-    angle = 2.0 * std::asin(std::sqrt(std::max(0.5 * (all - part), 0.0)));
+    const double versine = std::max(all - part, 0.0), half = std::sqrt(0.5 * versine);
+    from = {2.0 * std::asin(half), 2.0 * half * std::sqrt(1.0 - 0.5 * versine), 1.0 - versine};
   } else {
     // The share of the ramp, in q = (1 - tau)^2, is nearly linear: Newton's steps meet nothing flat.
-    const double s = std::sin(centre), c = std::cos(centre), share = part / step_;
-    double q = 1.0 - part / all, tau = 0.0;
+    const Row& r = rows_[size_t(row)];
+    const double share = part / step_;
+    double q = 1.0 - part / all;
     for (int k = 0; k < 12; ++k) {
-      tau = 1.0 - std::sqrt(q);
-      const Ramp ramp(tau, step_);
-      const double change = 2.0 * (s * ramp.cosine - c * ramp.sine - share) / std::sin(centre - tau * step_);
+      const Ramp at = ramp(1.0 - std::sqrt(q));
+      const double change = 2.0 * (r.sine * at.cosine - r.cosine * at.sine - share) / (r.sine * at.x.cosine - r.cosine * at.x.sine);
       q = std::clamp(q + change, 0.0, 1.0);
       if (std::fabs(change) < 1e-13) break;
     }
-    angle = centre - (1.0 - std::sqrt(q)) * step_;
+    const double tau = 1.0 - std::sqrt(q);
+    const SmallAngle x(tau * step_);
+    from = {r.centre - tau * step_, r.sine * x.cosine - r.cosine * x.sine, r.cosine * x.cosine + r.sine * x.sine};
   }
-  return up ? angle : std::numbers::pi - angle;
+  return up ? from : Polar{std::numbers::pi - from.angle, from.sine, -from.cosine};
 }
 
 double EnvironmentTents::across(double u) { return u < 0.5 ? std::sqrt(2.0 * u) - 1.0 : 1.0 - std::sqrt(std::max(2.0 - 2.0 * u, 0.0)); }

@@ -23,17 +23,31 @@ class EnvironmentTents {
   EnvironmentTents(int width, int height);
   /// Integral over the sphere of the tent of a texel of row y, sr. All texels' together: 4 pi.
   double weight(int y) const { return (above(y) + below(y)) * azimuthStep_; }
-  /// Polar angle (0 at +Y) distributed as the tent of row y times the sine, from u in [0,1]; within 1e-12 of the inverse of its distribution.
-  double polar(int y, double u) const;
+  struct Polar {
+    double angle, sine, cosine;  ///< 0 at +Y
+  };
+  /// Polar angle distributed as the tent of row y times the sine, from u in [0,1]; within 1e-12 of the inverse of its distribution.
+  Polar polar(int y, double u) const;
+  /// Azimuth from a texel's centre to the next one's, radians.
+  double azimuthStep() const { return azimuthStep_; }
   /// Offset from a texel's centre in texels, in [-1,1], distributed as the tent, from u in [0,1].
   static double across(double u);
 
  private:
   double above(int y) const { return above_[size_t(y)]; }                // of the half towards +Y, without the azimuth
   double below(int y) const { return above_[size_t(height_ - 1 - y)]; }  // the sphere is symmetric
+  struct Ramp;                                                           // half a tent against the sine
+  /// A row's centre: its polar angle, and that one's sine and cosine.
+  struct Row {
+    double centre, sine, cosine;
+  };
+  Ramp ramp(double tau) const;
   int height_;
   double step_, azimuthStep_;  // between texel centres, radians
   std::vector<double> above_;
+  std::vector<Row> rows_;                           // from +Y
+  int terms_ = 0;                                   // of the series that ramp() sums; 0: rows too wide for few of them
+  double cosineTerms_[6] = {}, sineTerms_[6] = {};  // (-1)^k step^2k / (2k)!, (-1)^k step^(2k + 1) / (2k + 1)!
 };
 
 /// Integral of luminance over the sphere, W m^-2 (without a cosine); 0 for a missing map. `stop` is polled every row: the sum is of no

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Texture look-up. 8-bit texels are decoded through tables, so a bilinear sample is 16 loads and no transcendental.
+#include <immintrin.h>
+
 #include <algorithm>
 #include <array>
 
@@ -56,12 +58,52 @@ inline size_t texelIndex(const Level& l, int tile, int x, int y) {
   return l.first + ((at << (2 * tile)) | size_t(((y & mask) << tile) | (x & mask)));
 }
 
-inline Vec4 texel(const Texture& t, const Level& l, int x, int y) {
-  const size_t at = texelIndex(l, t.tile, x, y) * 4;
-  if (!t.texelsF.empty()) return Vec4(t.texelsF[at], t.texelsF[at + 1], t.texelsF[at + 2], t.texelsF[at + 3]);
-  const uint8_t* p = t.texels8.data() + at;
-  const auto& colour = t.srgb ? kTables.srgb : kTables.linear;
-  return Vec4(colour[p[0]], colour[p[1]], colour[p[2]], kTables.linear[p[3]]);  // alpha is never sRGB-encoded
+/// Four channels; plain arithmetic of each, so that bits are those of scalar code.
+using Texel = __m128;
+
+inline Texel texel(const float* texels, const float*, size_t at) { return _mm_loadu_ps(texels + 4 * at); }
+inline Texel texel(const uint8_t* texels, const float* colour, size_t at) {
+  const uint8_t* p = texels + 4 * at;
+  return _mm_setr_ps(colour[p[0]], colour[p[1]], colour[p[2]], kTables.linear[p[3]]);  // alpha is never sRGB-encoded
+}
+
+inline Vec4 vec4(Texel t) {
+  Vec4 v;
+  _mm_storeu_ps(&v.x, t);
+  return v;
+}
+
+/// Where neighbours i and i + 1 are; nearly always both lie inside, and nothing has to be divided.
+struct Neighbours {
+  int first, second;
+  Neighbours(int i, int n, Wrap mode) {
+    if (i >= 0 && i < n - 1) {
+      first = i;
+      second = i + 1;
+      return;
+    }
+    first = wrapIndex(i, n, mode);
+    if (mode == Wrap::Repeat) second = first + 1 < n ? first + 1 : 0;
+    else second = wrapIndex(i + 1, n, mode);
+  }
+};
+
+template <typename T>
+Vec4 sampleTexels(const Texture& t, const T* texels, const float* colour, const Level& l, float x, float y) {
+  if (t.nearest) {
+    const int at = wrapIndex(int(std::floor(x)), l.width, t.wrapU), row = wrapIndex(int(std::floor(y)), l.height, t.wrapV);
+    return vec4(texel(texels, colour, texelIndex(l, t.tile, at, row)));
+  }
+  const float fx = std::floor(x - 0.5f), fy = std::floor(y - 0.5f);
+  const float ax = x - 0.5f - fx, ay = y - 0.5f - fy;
+  const Neighbours column(int(fx), l.width, t.wrapU), row(int(fy), l.height, t.wrapV);
+  const Texel right = _mm_set1_ps(ax), left = _mm_set1_ps(1.0f - ax), below = _mm_set1_ps(ay), above = _mm_set1_ps(1.0f - ay);
+  const auto across = [&](int y) {
+    const Texel a = texel(texels, colour, texelIndex(l, t.tile, column.first, y)), b = texel(texels, colour, texelIndex(l, t.tile, column.second, y));
+    return _mm_add_ps(_mm_mul_ps(a, left), _mm_mul_ps(b, right));
+  };
+  const Texel top = across(row.first), bottom = across(row.second);
+  return vec4(_mm_add_ps(_mm_mul_ps(top, above), _mm_mul_ps(bottom, below)));
 }
 
 /// The lowest texel of each channel over all levels; padding does not count.
@@ -125,17 +167,21 @@ void sealTexture(Texture& t) {
   }
 }
 
+void Texture::prefetch(Vec2 uv) const {
+  const Level l = levelOf(*this, 0);
+  const float x = tame(uv.x, wrapU, l.width) * float(l.width), y = tame(uv.y, wrapV, l.height) * float(l.height), half = nearest ? 0.0f : 0.5f;
+  const Neighbours column(int(std::floor(x - half)), l.width, wrapU), row(int(std::floor(y - half)), l.height, wrapV);
+  const char* const texels = texelsF.empty() ? reinterpret_cast<const char*>(texels8.data()) : reinterpret_cast<const char*>(texelsF.data());
+  const size_t each = texelsF.empty() ? 4 : 16;
+  for (const int j : {row.first, row.second})
+    for (const int i : {column.first, column.second}) __builtin_prefetch(texels + each * texelIndex(l, tile, i, j));
+}
+
 Vec4 Texture::sampleLevel(Vec2 uv, int level) const {
   const Level l = levelOf(*this, level);
   const float x = tame(uv.x, wrapU, l.width) * float(l.width), y = tame(uv.y, wrapV, l.height) * float(l.height);
-  if (nearest) return texel(*this, l, wrapIndex(int(std::floor(x)), l.width, wrapU), wrapIndex(int(std::floor(y)), l.height, wrapV));
-  const float fx = std::floor(x - 0.5f), fy = std::floor(y - 0.5f);
-  const float ax = x - 0.5f - fx, ay = y - 0.5f - fy;
-  const int x0 = wrapIndex(int(fx), l.width, wrapU), x1 = wrapIndex(int(fx) + 1, l.width, wrapU);
-  const int y0 = wrapIndex(int(fy), l.height, wrapV), y1 = wrapIndex(int(fy) + 1, l.height, wrapV);
-  const Vec4 top = texel(*this, l, x0, y0) * (1.0f - ax) + texel(*this, l, x1, y0) * ax;
-  const Vec4 bottom = texel(*this, l, x0, y1) * (1.0f - ax) + texel(*this, l, x1, y1) * ax;
-  return top * (1.0f - ay) + bottom * ay;
+  if (!texelsF.empty()) return sampleTexels(*this, texelsF.data(), nullptr, l, x, y);
+  return sampleTexels(*this, texels8.data(), srgb ? kTables.srgb.data() : kTables.linear.data(), l, x, y);
 }
 
 }  // namespace scene

@@ -27,8 +27,9 @@ class PathTraceNode final : public Node {
   std::string type() const override { return "path_trace"; }
   // 2: blocks continue one sequence; 3: volumes, every lobe; 4: light straight on; 5: bilinear environments; 6: tilted normals lose no specular light;
   // 7: every light in volumes, gentler roulette; 8: large finite values count; 9: hidden lights shine through delta events;
-  // 10: of a lamp of few triangles those that face the receiver; 11: the first block is summed by passes
-  int version() const override { return 11; }
+  // 10: of a lamp of few triangles those that face the receiver; 11: the first block is summed by passes;
+  // 12: directions from maps without the C library's sines (last bits of a few)
+  int version() const override { return 12; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;

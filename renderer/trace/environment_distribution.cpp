@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/small_angle.h"
+
 namespace gobo {
 inline namespace trace {
 namespace {
@@ -33,6 +35,10 @@ EnvironmentDistribution::EnvironmentDistribution(EnvironmentPtr map, const StopT
   if (!map_) return;
   const size_t w = size_t(map_->width), h = size_t(map_->height);
   tents_.emplace(map_->width, map_->height);
+  for (size_t x = 0; x < w; ++x) {
+    const double azimuth = ((double(x) + 0.5) / double(w) - 0.5) * 2.0 * std::numbers::pi - double(map_->rotation);
+    azimuths_.push_back({std::cos(azimuth), std::sin(azimuth)});
+  }
   rows_.resize(h);
   columns_ = std::make_unique_for_overwrite<double[]>(w * h);
   for (size_t y = 0; y < h && !stop.stopRequested(); ++y) {
@@ -48,15 +54,18 @@ bool EnvironmentDistribution::sample(const Vec2& u, Vec3& direction, Vec3& radia
   double fy, fx;
   const size_t y = locate(rows_.data(), h, u.y, fy);
   const size_t x = locate(columns_.get() + y * w, w, u.x, fx);
-  const double polar = tents_->polar(int(y), fy), across = double(x) + 0.5 + EnvironmentTents::across(fx), s = std::sin(polar);
-  const double azimuth = (across / double(w) - 0.5) * 2.0 * std::numbers::pi - double(map_->rotation);
-  direction = Vec3(float(s * std::cos(azimuth)), float(std::cos(polar)), float(s * std::sin(azimuth)));
+  const auto [polar, sine, cosine] = tents_->polar(int(y), fy);
+  const double offset = EnvironmentTents::across(fx), across = double(x) + 0.5 + offset;
+  const SmallAngle turn(offset * tents_->azimuthStep());
+  const Azimuth& centre = azimuths_[x];
+  direction = Vec3(float(sine * (centre.cosine * turn.cosine - centre.sine * turn.sine)), float(cosine),
+                   float(sine * (centre.sine * turn.cosine + centre.cosine * turn.sine)));
   radiance = interpolateTexels(*map_, across, polar / std::numbers::pi * double(h));
   pdf = float(texelLuminance(radiance) / total_);
   return pdf > 0.0f;
 }
 
-float EnvironmentDistribution::pdf(const Vec3& direction) const { return total_ > 0 ? float(texelLuminance(map_->eval(direction)) / total_) : 0.0f; }
+float EnvironmentDistribution::pdfOf(const Vec3& radiance) const { return total_ > 0 ? float(texelLuminance(radiance) / total_) : 0.0f; }
 
 }  // namespace trace
 }  // namespace gobo

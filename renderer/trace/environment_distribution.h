@@ -21,7 +21,9 @@ class EnvironmentDistribution {
   explicit EnvironmentDistribution(EnvironmentPtr map, const StopToken& stop = {});
   /// False for a black map. `direction` unit in world axes, radiance from there, density over solid angle.
   bool sample(const Vec2& u, Vec3& direction, Vec3& radiance, float& pdf) const;
-  float pdf(const Vec3& direction) const;
+  float pdf(const Vec3& direction) const { return total_ > 0 ? pdfOf(map_->eval(direction)) : 0.0f; }
+  /// The same of a direction from where `radiance` comes, as the map has it: a look-up saved where that is known.
+  float pdfOf(const Vec3& radiance) const;
   /// Sum of luminance x solid angle, W m^-2 weighted by no cosine: the map's power as an importance.
   double total() const { return total_; }
   /// What a texel of row y has of the sphere, sr: the integral of its tent.
@@ -30,6 +32,10 @@ class EnvironmentDistribution {
  private:
   EnvironmentPtr map_;
   std::optional<EnvironmentTents> tents_;
+  struct Azimuth {
+    double cosine, sine;
+  };
+  std::vector<Azimuth> azimuths_;      // of the columns' centres, in the world
   std::vector<double> rows_;           // inclusive prefix sums over rows
   std::unique_ptr<double[]> columns_;  // inclusive prefix sums of luminance inside each row; not cleared first, which takes as long as the sums
   double total_ = 0;

@@ -23,7 +23,7 @@ struct alignas(64) Lane3 {
 
 /// A vertex per lane, as Surface has it.
 struct alignas(64) LaneSurface {
-  Lane3 a, b, c;  // triangle in world space (flat lanes), then
+  Lane3 a, b, c;  // triangle in world space (plain lanes; n: what the vertices give smooth ones), then
   Lane3 p, reach, facing, n, albedo;
   Lane3 origin;  // p moved to the viewer's side
 };
@@ -67,10 +67,21 @@ inline F3 leave(const F3& p, const F3& side, const F3& reach) {
   return p + side * d;
 }
 
-/// Positions, bounds and facing normals of flat lanes from triangles, barycentrics and Embree's normals. Returns the lanes
-/// whose normal has an ordinary length; the others are left to scalar code.
-inline uint32_t flatSurface(LaneSurface& s, int at, uint32_t bits, const float* u, const float* v, const float* ngx, const float* ngy, const float* ngz,
-                            const float* dx, const float* dy, const float* dz) {
+/// SurfaceTable::usable for 8 lanes: the vertices' normal, made unit and turned to the side of `facing`; `facing` where it is unusable or turns away
+/// from the viewer, and in lanes that are not in `smooth`.
+inline F3 shadingNormal(const F3& vertex, const F3& facing, const F3& d, uint32_t smooth) {
+  const F l2 = dot(vertex, vertex), scale = set(1.0f) / _mm256_sqrt_ps(l2);
+  const F3 unit = vertex * scale;
+  const F turn = both(less(dot(unit, facing), set(0.0f)), set(-0.0f));  // signs of zeros too: they choose the side of a Frame
+  const F3 m = {_mm256_xor_ps(unit.x, turn), _mm256_xor_ps(unit.y, turn), _mm256_xor_ps(unit.z, turn)};
+  const F good = both(both(both(less(set(1e-24f), l2), less(l2, set(1e24f))), less(dot(m, d), set(-1e-4f))), maskOf(smooth));
+  return {select(good, m.x, facing.x), select(good, m.y, facing.y), select(good, m.z, facing.z)};
+}
+
+/// Positions, bounds, facing and shading normals of plain lanes from triangles, barycentrics and Embree's normals; those in `smooth` have a vertex
+/// normal of any length in n. Returns the lanes whose normal has an ordinary length; the others are left to scalar code.
+inline uint32_t plainSurface(LaneSurface& s, int at, uint32_t bits, uint32_t smooth, const float* u, const float* v, const float* ngx, const float* ngy,
+                             const float* ngz, const float* dx, const float* dy, const float* dz) {
   const F lu = _mm256_loadu_ps(u + at), lv = _mm256_loadu_ps(v + at), w = set(1.0f) - lu - lv;
   const F3 pa = load(s.a, at) * w, pb = load(s.b, at) * lu, pc = load(s.c, at) * lv;
   const F3 ng = {_mm256_loadu_ps(ngx + at), _mm256_loadu_ps(ngy + at), _mm256_loadu_ps(ngz + at)};
@@ -83,7 +94,7 @@ inline uint32_t flatSurface(LaneSurface& s, int at, uint32_t bits, const float* 
   store(s.p, at, pa + pb + pc);
   store(s.reach, at, abs(pa) + abs(pb) + abs(pc));
   store(s.facing, at, n);
-  store(s.n, at, n);
+  store(s.n, at, smooth ? shadingNormal(load(s.n, at), n, d, smooth) : n);
   return bitsOf(good);
 }
 

@@ -166,6 +166,12 @@ float LightSampler::pdf(int i, const Vec3& p, const Vec3& direction, float t, ui
   }
 }
 
+float LightSampler::pdf(int i, const Vec3& p, const Vec3& direction, float t, uint32_t primitive, const Vec3& emitted) const {
+  if (impl_->shapes[impl_->record(i)].kind != LightKind::Environment) return pdf(i, p, direction, t, primitive);
+  GOBO_CHECK(impl_->distribution);
+  return impl_->distribution->pdfOf(emitted);
+}
+
 Vec3 LightSampler::emitted(int i, const Vec3& direction, uint32_t primitive, float u, float v, const Vec3& Ng) const {
   const int r = impl_->record(i);
   const LightShape& s = impl_->shapes[r];

@@ -36,6 +36,8 @@ class LightSampler {
   /// Solid-angle density with which sample(i, p, .) would give `direction`, known to hit the light at distance t
   /// (on `primitive` for mesh lights). 0 for delta lights.
   float pdf(int i, const Vec3& p, const Vec3& direction, float t, uint32_t primitive) const;
+  /// The same for who has asked emitted() of that direction: a map's density is known by its radiance.
+  float pdf(int i, const Vec3& p, const Vec3& direction, float t, uint32_t primitive, const Vec3& emitted) const;
   /// Emitted radiance for power 1 (white x texture) of a non-delta light towards -direction from a ray hit
   /// (mesh: uses primitive and barycentrics u, v, and the light's own normal; environment and directional: direction alone).
   Vec3 emitted(int i, const Vec3& direction, uint32_t primitive, float u, float v, const Vec3& Ng) const;

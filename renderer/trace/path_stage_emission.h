@@ -16,7 +16,7 @@ inline void PathChunk<Sink>::found(int i, int k, const Vec3& direction, const Ve
   if (paths.pdf[i] > 0.0f) {
     const Vec3 from = paths.from.get(i), normal = paths.fromNormal.get(i);
     const float select = m.selector.probability(from, paths.fromHasNormal >> i & 1u ? &normal : nullptr, k);
-    weight = powerHeuristic(paths.pdf[i], select * m.sampler->pdf(l.light, from, direction, t + paths.passed[i], primitive));
+    weight = powerHeuristic(paths.pdf[i], select * m.sampler->pdf(l.light, from, direction, t + paths.passed[i], primitive, radiance));
   }
   Vec3 value = paths.throughput.get(i) * radiance * l.nominal * weight;
   if (hasMedia) value *= media.through(i, t);
@@ -47,11 +47,11 @@ inline void PathChunk<Sink>::collectAreaLights(int i, const Vec3& origin, const 
   }
 }
 
-/// Reads alive, rh, paths, media; writes lambert and general, the vertex of flat Lambert lanes in ls, throughput (what a volume left);
-/// clears shadowed and next. Flat Lambert lanes are only gathered by the loop: their vertex is made 8 at a time.
+/// Reads alive, rh, paths, media; writes lambert and general, the vertex of plain Lambert lanes in ls, throughput (what a volume left);
+/// clears shadowed and next. Plain Lambert lanes are only gathered by the loop: their vertex is made 8 at a time.
 template <PathSink Sink>
 inline void PathChunk<Sink>::meetLights() {
-  uint32_t flat = 0;
+  uint32_t plain = 0, smooth = 0;
   lambert = general = shadowed = next = 0;
   for (uint32_t left = alive; left; left &= left - 1) {
     const int i = __builtin_ctz(left);
@@ -93,7 +93,8 @@ inline void PathChunk<Sink>::meetLights() {
       endsAtHit(i);
       continue;
     }
-    if (!s.flatLambert) {
+    if (!s.plainLambert) {
+      m.surfaces.prefetchTriangle(instance, primitive);
       general |= bit;
       continue;
     }
@@ -102,13 +103,18 @@ inline void PathChunk<Sink>::meetLights() {
     ls.b.set(i, s.positions[tri[1]]);
     ls.c.set(i, s.positions[tri[2]]);
     ls.albedo.set(i, s.material->constant.albedo);
-    flat |= bit;
+    plain |= bit;
+    if (!s.normals) continue;
+    ls.n.set(i, SurfaceTable::vertexNormal(s, tri, rh.hit.u[i], rh.hit.v[i]));
+    smooth |= bit;
   }
-  for (int h = 0; h < kLanes; h += 8)
-    if (flat >> h & 255u)
-      lambert |=
-          lanes::flatSurface(ls, h, flat >> h & 255u, rh.hit.u, rh.hit.v, rh.hit.Ng_x, rh.hit.Ng_y, rh.hit.Ng_z, rh.ray.dir_x, rh.ray.dir_y, rh.ray.dir_z) << h;
-  general |= flat & ~lambert;
+  for (int h = 0; h < kLanes; h += 8) {
+    if (!(plain >> h & 255u)) continue;
+    lambert |= lanes::plainSurface(ls, h, plain >> h & 255u, smooth >> h & 255u, rh.hit.u, rh.hit.v, rh.hit.Ng_x, rh.hit.Ng_y, rh.hit.Ng_z, rh.ray.dir_x,
+                                   rh.ray.dir_y, rh.ray.dir_z)
+               << h;
+  }
+  general |= plain & ~lambert;
 }
 
 }  // namespace trace

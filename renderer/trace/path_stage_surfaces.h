@@ -14,6 +14,14 @@ inline void PathChunk<Sink>::scatterAtSurfaces() {
   const Accel::Impl& geometry = m.accel->impl();
   for (uint32_t left = general; left; left &= left - 1) {
     const int i = __builtin_ctz(left);
+    m.surfaces.prefetchVertices(hitInstance(rh.hit, i), rh.hit.primID[i]);
+  }
+  for (uint32_t left = general; left; left &= left - 1) {
+    const int i = __builtin_ctz(left);
+    m.surfaces.prefetchTexels(hitInstance(rh.hit, i), rh.hit.primID[i], rh.hit.u[i], rh.hit.v[i]);
+  }
+  for (uint32_t left = general; left; left &= left - 1) {
+    const int i = __builtin_ctz(left);
     const uint32_t bit = 1u << i;
     const uint32_t instance = hitInstance(rh.hit, i);
     const Vec3 Ng = geometry.worldNormal(instance, Vec3(rh.hit.Ng_x[i], rh.hit.Ng_y[i], rh.hit.Ng_z[i]));

@@ -51,7 +51,7 @@ struct SurfaceInstance {
   const SurfaceMaterial* material = nullptr;
   bool world = true, identity = true, mirrored = false;
   bool unlit = false;
-  bool flatLambert = false;  ///< world space, no normals, untextured Lambert: the vector code does it all
+  bool plainLambert = false;  ///< world space, untextured Lambert: the vector code does it all
   Mat4 toWorld{1.0f};
   Mat3 normalToWorld{1.0f};
 };
@@ -100,11 +100,7 @@ class SurfaceTable {
     out.front = glm::dot(Ng, d) < 0.0f;
     const Vec3 facing = out.front ? Ng : -Ng;
     out.n = facing;
-    if (s.normals) {
-      Vec3 n = w * s.normals[a] + u * s.normals[b] + v * s.normals[c];
-      if (!s.identity) n = s.normalToWorld * n;
-      out.n = usable(n, facing, d);
-    }
+    if (s.normals) out.n = usable(vertexNormal(s, tri, u, v), facing, d);
     out.hasTangent = false;
     out.lambert = s.material->lambert;
     out.bsdf = s.material->constant;
@@ -112,11 +108,34 @@ class SurfaceTable {
     if (s.material->textured || s.colours) detail(s, a, b, c, w, u, v, d, out);
     if (!out.lambert && out.n != facing) out.bsdf.facing = out.frame().toLocal(facing);  // nothing else may decide what a tilted normal loses
   }
+  // A hit's triangle, its vertices and its texels lie anywhere in memory, one behind the other. Who has several hits asks for each of these of
+  // all before it reads the first; nothing but time depends on it.
+  void prefetchTriangle(uint32_t instance, uint32_t primitive) const { __builtin_prefetch(instances_[instance].indices + 3 * size_t(primitive)); }
+  void prefetchVertices(uint32_t instance, uint32_t primitive) const {
+    const SurfaceInstance& s = instances_[instance];
+    const uint32_t* tri = s.indices + 3 * size_t(primitive);
+    for (int k = 0; k < 3; ++k) {
+      __builtin_prefetch(s.positions + tri[k]);
+      if (s.normals) __builtin_prefetch(s.normals + tri[k]);
+      if (!s.material->textured) continue;
+      if (s.uv[0]) __builtin_prefetch(s.uv[0] + tri[k]);
+      if (s.tangents) __builtin_prefetch(s.tangents + tri[k]);
+    }
+  }
+  void prefetchTexels(uint32_t instance, uint32_t primitive, float u, float v) const {
+    const SurfaceInstance& s = instances_[instance];
+    if (s.material->textured) texels(s, primitive, u, v);
+  }
   const SurfaceInstance& instance(uint32_t i) const { return instances_[i]; }
   const std::vector<Interior>& interiors() const { return interiors_; }
   int interiorOf(int material) const { return materials_[size_t(material)].interior; }
   /// Some instance lets light through straight on: shadow rays have to ask what is left of them (trace/straight.h).
   bool anyStraight() const { return anyStraight_; }
+  /// The normal that the vertices give a point of a triangle, world axes, any length and side; `s` has normals.
+  static Vec3 vertexNormal(const SurfaceInstance& s, const uint32_t* tri, float u, float v) {
+    const Vec3 n = (1.0f - u - v) * s.normals[tri[0]] + u * s.normals[tri[1]] + v * s.normals[tri[2]];
+    return s.identity ? n : s.normalToWorld * n;
+  }
   bool allLambert() const { return allLambert_; }
   bool anyUnlit() const { return anyUnlit_; }
 
@@ -132,10 +151,12 @@ class SurfaceTable {
   static bool tangentSpace(const SurfaceInstance& s, const Place& at, int uvSet, const Surface& out, TangentSpace& space);
   static Vec2 uvAt(const SurfaceInstance& s, const Place& at, const TextureRef& ref);
   static Vec3 mapped(const SurfaceInstance& s, const Place& at, const SurfaceTexture& map, float scale, const Vec3& d, const Surface& out);
+  static void texels(const SurfaceInstance& s, uint32_t primitive, float u, float v);
   static void lobes(const SurfaceInstance& s, const Place& at, Surface& out);
   static void anisotropy(const SurfaceInstance& s, const Place& at, Surface& out);
   static void detail(const SurfaceInstance& s, uint32_t a, uint32_t b, uint32_t c, float w, float u, float v, const Vec3& d, Surface& out);
-  // Normalised, on the side of `facing`; `facing` itself where the interpolated normal is unusable or turns away from the viewer.
+  // Normalised, on the side of `facing` (lanes::shadingNormal does the same); `facing` itself where the interpolated normal is unusable or turns away from the
+  // viewer.
   static Vec3 usable(const Vec3& n, const Vec3& facing, const Vec3& d) {
     const float l = glm::dot(n, n);
     if (!(l > 1e-24f && l < 1e24f)) return facing;

@@ -11,6 +11,16 @@ Vec2 SurfaceTable::uvAt(const SurfaceInstance& s, const Place& at, const Texture
   return transformUv(ref, set ? at.w * set[at.a] + at.u * set[at.b] + at.v * set[at.c] : Vec2(0.0f));
 }
 
+/// Of the three textures that most materials have.
+void SurfaceTable::texels(const SurfaceInstance& s, uint32_t primitive, float u, float v) {
+  const SurfaceMaterial& m = *s.material;
+  const uint32_t* tri = s.indices + 3 * size_t(primitive);
+  const Place at{tri[0], tri[1], tri[2], 1.0f - u - v, u, v};
+  if (m.albedo) m.albedo.texture->prefetch(uvAt(s, at, m.albedo.ref));
+  if (m.normal) m.normal.texture->prefetch(uvAt(s, at, m.normal.ref));
+  if (m.metallicRoughness && !m.lambert) m.metallicRoughness.texture->prefetch(uvAt(s, at, m.metallicRoughness.ref));
+}
+
 /// The mesh's (MikkTSpace) tangents, else the gradient of the texture coordinates. False where there is neither.
 bool SurfaceTable::tangentSpace(const SurfaceInstance& s, const Place& at, int uvSet, const Surface& out, TangentSpace& space) {
   Vec3 normal = s.normals ? at.w * s.normals[at.a] + at.u * s.normals[at.b] + at.v * s.normals[at.c] : Vec3(0.0f);

@@ -4,6 +4,8 @@
 #include <limits>
 #include <random>
 
+#include <glm/gtc/matrix_transform.hpp>
+
 #include "base/sobol.h"
 #include "support/tiny_scenes.h"
 #include "trace/sample_set.h"
@@ -347,6 +349,47 @@ TEST(PathTracerCases, VectorAndScalarCodeAgree) {
       expectSame(a[k], c[k], 1e-4);
     }
     EXPECT_GT(a[1].mean.x, 0.01);
+  }
+}
+
+// Vertex normals of any length and side, in vector code and by the general look-up (vertex colours that are white up to rounding).
+TEST(PathTracerCases, VectorAndScalarCodeAgreeOnVertexNormals) {
+  const auto room = [](bool general, int kind) {
+    SceneMaker m;
+    const auto dress = [&](Mesh mesh) {
+      std::vector<Vec3> normals(mesh.positions.size());
+      for (size_t i = 0; i < normals.size(); ++i) {
+        const Vec3 out = glm::normalize(Vec3(mesh.positions[i]) - Vec3(0.1f, 0.2f, 0.3f));
+        switch (kind) {
+          case 0: normals[i] = out; break;
+          case 1: normals[i] = -out; break;                            // turned over
+          case 2: normals[i] = Vec3(0.0f); break;                      // none
+          case 3: normals[i] = out * (i % 2 ? 1e-13f : 1e13f); break;  // beyond what is normalised
+          case 4: normals[i] = glm::normalize(out + 3.0f * Vec3(std::sin(7.0f * float(i)), std::cos(5.0f * float(i)), 0.3f)); break;  // away from the viewer
+          case 7: normals[i] = 1e-13f * out; break;
+          case 5: normals[i] = i % 3 ? Vec3(0, 1, 0) : Vec3(0, -1, 0); break;  // zeros of either sign
+          default: normals[i] = 3.0f * out; break;
+        }
+      }
+      mesh.normals = normals;
+      if (general) mesh.colours.assign(mesh.positions.size(), Vec4(1.0f));
+      return mesh;
+    };
+    const int clay = m.material(Vec3(0.7f, 0.5f, 0.3f));
+    m.instance(m.mesh(dress(sphere(Vec3(0.0f), 1.0f, 12, true)), clay));
+    m.instance(m.mesh(dress(box(Vec3(-0.4f), Vec3(0.3f))), clay),
+               glm::scale(Mat4(1.0f), Vec3(0.5f, 2.0f, 1.0f)) * glm::rotate(Mat4(1.0f), 0.5f, Vec3(0, 0, 1)));
+    m.instance(m.mesh(ground(5.0f), clay));
+    m.environment(constantEnvironment(Vec3(1.0f)));
+    m.camera(Vec3(0, 2, 3), Vec3(0.0f), 0.8f);
+    return m.finish();
+  };
+  for (int kind = 0; kind < 8; ++kind) {
+    Traced plain(room(false, kind)), general(room(true, kind));
+    const Measured a = estimate(plain, 48), b = estimate(general, 48);
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(a[0].mean[c], b[0].mean[c], 1e-8) << kind;
+    EXPECT_GT(a[0].mean.x, 0.01) << kind;
+    EXPECT_EQ(a.dropped, 0u) << kind;
   }
 }
 
