@@ -88,7 +88,7 @@ EnvironmentTents::Polar EnvironmentTents::polar(int y, double u) const {
       const Ramp at = ramp(1.0 - std::sqrt(q));
       const double change = 2.0 * (r.sine * at.cosine - r.cosine * at.sine - share) / (r.sine * at.x.cosine - r.cosine * at.x.sine);
       q = std::clamp(q + change, 0.0, 1.0);
-      if (std::fabs(change) < 1e-13) break;
+      if (std::fabs(change) < 1e-7) break;  // what is left is of the order of its square
     }
     const double tau = 1.0 - std::sqrt(q);
     const SmallAngle x(tau * step_);
