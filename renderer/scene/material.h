@@ -38,7 +38,7 @@ struct Texture {
   /// not change a bit of it. Defined in texture.cpp.
   Vec4 sample(Vec2 uv) const { return sampleLevel(uv, 0); }
   Vec4 sampleLevel(Vec2 uv, int level) const;  ///< level in 0 .. levels - 1
-  void prefetch(Vec2 uv) const;                ///< what sample(uv) will read
+  void prefetch(Vec2 uv) const;                ///< nearly always what sample(uv) will read first; any uv
 };
 
 inline constexpr int kMaxTextureLevels = 16, kMaxTextureTile = 4;

@@ -133,6 +133,8 @@ inline float tame(float c, Wrap mode, int size) {
   return std::fabs(c) < 1024.0f && std::fabs(c) * float(size) < 0x1p30f ? c : c - 2.0f * std::floor(c * 0.5f);
 }
 
+constexpr size_t kCached = 1 << 16;  // bytes of texels that stay near whatever is read beside them
+
 }  // namespace
 
 uint64_t textureTexels(int width, int height, int levels, int tile) {
@@ -168,13 +170,16 @@ void sealTexture(Texture& t) {
 }
 
 void Texture::prefetch(Vec2 uv) const {
+  const size_t bytes = texelsF.empty() ? 4 : 16;
+  if (bytes * size_t(width) * size_t(height) < kCached || wrapU == Wrap::Mirror || wrapV == Wrap::Mirror) return;
+  const auto inside = [](float c, Wrap mode) { return mode == Wrap::Repeat ? c - std::floor(c) : c; };
+  const float u = inside(uv.x, wrapU), v = inside(uv.y, wrapV);
+  if (!(u >= 0.0f && u < 1.0f && v >= 0.0f && v < 1.0f)) return;  // the rim, NaN
   const Level l = levelOf(*this, 0);
-  const float x = tame(uv.x, wrapU, l.width) * float(l.width), y = tame(uv.y, wrapV, l.height) * float(l.height), half = nearest ? 0.0f : 0.5f;
-  const Neighbours column(int(std::floor(x - half)), l.width, wrapU), row(int(std::floor(y - half)), l.height, wrapV);
+  const int x = std::max(int(u * float(width) - 0.5f), 0), y = std::max(int(v * float(height) - 0.5f), 0);
   const char* const texels = texelsF.empty() ? reinterpret_cast<const char*>(texels8.data()) : reinterpret_cast<const char*>(texelsF.data());
-  const size_t each = texelsF.empty() ? 4 : 16;
-  for (const int j : {row.first, row.second})
-    for (const int i : {column.first, column.second}) __builtin_prefetch(texels + each * texelIndex(l, tile, i, j));
+  __builtin_prefetch(texels + bytes * texelIndex(l, tile, x, y));
+  __builtin_prefetch(texels + bytes * texelIndex(l, tile, x, std::min(y + 1, height - 1)));
 }
 
 Vec4 Texture::sampleLevel(Vec2 uv, int level) const {
