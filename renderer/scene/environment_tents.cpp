@@ -36,8 +36,8 @@ struct EnvironmentTents::Ramp {
 EnvironmentTents::Ramp EnvironmentTents::ramp(double tau) const {
   const SmallAngle x(tau * step_);
   if (terms_ == 0) {
-    const double half = std::sin(0.5 * tau * step_), versine = 2.0 * half * half;
-    return {(1.0 - tau) * x.sine / step_ + versine / (step_ * step_), (versine + tau * (1.0 - versine)) / step_ - x.sine / (step_ * step_), x};
+    const double s = std::sin(tau * step_), half = std::sin(0.5 * tau * step_), versine = 2.0 * half * half;
+    return {(1.0 - tau) * s / step_ + versine / (step_ * step_), (versine + tau * (1.0 - versine)) / step_ - s / (step_ * step_), x};
   }
   // Term by term; closed forms cancel where rows are narrow.
   double cosine = 0.0, sine = 0.0, power = tau;
@@ -52,6 +52,7 @@ EnvironmentTents::Ramp EnvironmentTents::ramp(double tau) const {
 
 EnvironmentTents::EnvironmentTents(int width, int height)
     : height_(height), step_(std::numbers::pi / height), azimuthStep_(2.0 * std::numbers::pi / width), above_(size_t(height)), rows_(size_t(height)) {
+  const Ramp whole = ramp(1.0);  // closed: weights are in terms of many nodes
   if (step_ < SmallAngle::kMost)
     for (double size = 1.0; terms_ < 6 && std::fabs(size) > 1e-17; ++terms_) {
       cosineTerms_[terms_] = size;
@@ -59,7 +60,6 @@ EnvironmentTents::EnvironmentTents(int width, int height)
       sineTerms_[terms_] = size;
       size *= -step_ / (2 * terms_ + 2);
     }
-  const Ramp whole = ramp(1.0);
   const double quarter = std::sin(0.25 * step_);
   above_[0] = 2.0 * quarter * quarter;  // the cap above the first row's centres, where the look-up is constant in the polar angle
   for (int y = 0; y < height; ++y) {
