@@ -86,7 +86,7 @@ void Scheduler::activate(ClassState& s, Group& group, Client& client) {
 
 void Scheduler::settle(ClassState& s) {
   const auto idle = [](const Client& c, double clock) { return c.queued + c.running == 0 && c.virtualTime <= clock + kRounding; };
-  for (auto& [name, group] : s.groups) std::erase_if(group.clients, [&](const auto& c) { return idle(c.second, group.clock); });
+  for (auto& g : s.groups) std::erase_if(g.second.clients, [&](const auto& c) { return idle(c.second, g.second.clock); });
   std::erase_if(s.groups, [&](const auto& g) { return idle(g.second, s.virtualTime); });
 }
 

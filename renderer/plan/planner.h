@@ -55,7 +55,7 @@ class LastSky {
 
 struct PlannerServices {
   /// Who brings light, in the order of summation.
-  std::span<const Technique* const> techniques = gobo::technique::techniques();
+  std::span<const Technique* const> techniques = registeredTechniques();
   EnvironmentLoader loadEnvironment;
   ScenePoser poseScene = requestedScene;
   LastSky* lastSky = nullptr;  ///< null: none is kept

@@ -27,7 +27,7 @@ class Technique {
 };
 
 /// In the order of summation.
-std::span<const Technique* const> techniques();
+std::span<const Technique* const> registeredTechniques();
 
 }  // namespace technique
 }  // namespace gobo

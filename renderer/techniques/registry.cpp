@@ -14,7 +14,7 @@
 namespace gobo {
 inline namespace technique {  // that which technique.h declares
 
-std::span<const Technique* const> techniques() {
+std::span<const Technique* const> registeredTechniques() {
   static const std::array all{
       &pathTraced(), &directVisibility(),    &environmentLights(),  &clusterDifferences(), &causticPhotons(),
       &background(), &environmentTransfer(), &subtractiveShadows(), &subtractiveLights(),

@@ -53,8 +53,9 @@ class StyleParametersNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Inputs in(ctx, readsEdges(), reads(StyleName::Edge));
-    for (const auto& [field, f] : formulas_) {
-      const auto out = ctx.result->writable<float>(kStyleFields[size_t(field)]);
+    for (const auto& entry : formulas_) {
+      const auto& f = entry.second;
+      const auto out = ctx.result->writable<float>(kStyleFields[size_t(entry.first)]);
       std::atomic<size_t> wrong{SIZE_MAX};
       const bool complete = ctx.arena->parallelFor(
           out.size(), 1 << 13,
