@@ -6,7 +6,7 @@ ENV ?=
 SHELL := /bin/bash
 CONFIGURE = cmake --preset release -B $(BUILD)
 
-.PHONY: all deps build check demo deb docs install test sanitize bench benches references lint format clean
+.PHONY: all deps build check demo deb docs install test sweeps sanitize bench benches references lint format clean
 
 all: build
 
@@ -25,6 +25,10 @@ test: deps
 	@ninja -C $(BUILD) -j $(JOBS)
 	@cd $(BUILD) && ctest --output-on-failure -j $$(($(JOBS) + 1)) --repeat until-pass:2 \
 	  || { ctest --rerun-failed --output-on-failure; exit 1; }   # what failed stands at the end; one more than cores: many tests wait; a test that kills processes may meet a busy machine; ctest says which ran twice
+
+# The same tests with all cases of their sweeps, of which `make test` runs a share (tests/support/thorough.h).
+sweeps: export GOBO_THOROUGH = 1
+sweeps: test
 
 # What to run between two edits: the unit tests of the renderer that take less than some seconds (tests/costs.txt has the others), without the daemon.
 DEAR = $(shell awk '/^unit/ {split($$1, part, "."); printf "%s%s.*", separator, part[3]; separator = ":"}' tests/costs.txt)

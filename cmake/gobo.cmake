@@ -119,7 +119,7 @@ function(gobo_precompiled target)
 endfunction()
 
 function(gobo_precompiled_tests target)
-  if("gobo_server" IN_LIST ARGN)
+  if("gobo_server" IN_LIST ARGN OR "gobo_fuzz_served" IN_LIST ARGN)   # what links gRPC is compiled with -pthread
     gobo_precompiled_with(${target} test_calls "gobo_grpc;GTest::gtest_main" ${GOBO_WAITING_TESTS})
   elseif(target MATCHES "^test_unit_(scene|trace|base|device|measure)$")
     gobo_precompiled_with(${target} test GTest::gtest_main)

@@ -79,7 +79,7 @@ class EditSequence {
       history_ += edit + "; ";
       Result<RenderResult> warm = warm_->render(request_);
       const auto cold = makeEngine(256ull << 20, {}, 1 + int(rng_() % 2));
-      if (ofFile()) EXPECT_TRUE(cold->openScene(scene_, scene_).ok()) << scene_;
+      if (ofFile()) { EXPECT_TRUE(cold->openScene(scene_, scene_).ok()) << scene_; }
       for (const auto& p : patches_)
         if (p.scene() == scene_) (void)cold->patchScene(p);
       Result<RenderResult> fresh = warm.ok() ? cold->render(warm->reply.resolved()) : cold->render(request_);
@@ -105,7 +105,7 @@ class EditSequence {
   }
 
  private:
-  static constexpr size_t kLeavesOfOne = 2;  ///< of the walk over all fields
+  static constexpr size_t kLeavesOfOne = 3;  ///< of the walk over all fields
 
   bool ofFile() const { return std::find(files_.begin(), files_.end(), scene_) != files_.end(); }
 
@@ -132,7 +132,7 @@ class EditSequence {
     // In turn all fields; then those that matter after it: the same ones again, and what the request has a message for.
     const auto& leaves = requestLeaves();
     const fuzz::SchemaLeaf* leaf = nullptr;
-    if (step % 4 == 1) leaf = &leaves[next_++ % leaves.size()];
+    if (step % 3 == 1) leaf = &leaves[next_++ % leaves.size()];
     else if (rng_() % 2 && !leaves_.empty()) leaf = leaves_[rng_() % leaves_.size()];
     else {  // a technique has fewer fields than all the rest, and more that hang together
       std::vector<const fuzz::SchemaLeaf*> of[2];

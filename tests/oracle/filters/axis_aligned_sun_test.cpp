@@ -9,6 +9,7 @@
 #include "filters/axis_aligned/filter.h"
 #include "support/shadow_stage.h"
 #include "support/sun_edge.h"
+#include "support/thorough.h"
 #include "support/tiny_scenes.h"
 
 namespace gobo::test {
@@ -222,7 +223,7 @@ TEST(AxisAlignedSun, ErrorFallsBelowThatOfAsManyPlainRays) {
   int k = 0;
   for (const SunStage& s : crowded()) {
     const ScenePtr scene = s.scene(kPicture);
-    const ShadowRun truth = runShadow(scene, rayTraced(4096), kPicture);
+    const ShadowRun truth = runShadow(scene, rayTraced(testing::thoroughOr(4096u, 2048u)), kPicture);
     const auto errorOf = [&](const ShadowRun& r) { return rms(r.V(), [&](size_t i) { return double(truth.V()[i]); }); };
     double last = 1;
     for (const int n : {4, 16, 64}) {

@@ -8,6 +8,7 @@
 
 #include "filters/axis_aligned/sample_count.h"
 #include "formulas/axis_aligned.glsl.h"
+#include "support/thorough.h"
 #include "unit/filters/synthetic.h"
 
 namespace gobo {
@@ -233,7 +234,9 @@ void checkTable(const std::vector<Grid>& grids, const std::vector<Row>& rows) {
   }
 }
 TEST(AxisAlignedOracle, ReferenceSimulationTwoGrids) {
-  checkTable(kGridsA, {{2, .190, .0220, .0207}, {3, .112, .0146, .0146}, {4, .0771, .0124, .0120}, {5, .0572, .0111, .0099}});
+  std::vector<Row> rows{{2, .190, .0220, .0207}, {3, .112, .0146, .0146}, {4, .0771, .0124, .0120}, {5, .0572, .0111, .0099}};
+  if (!testing::thorough()) rows = {rows.front(), rows.back()};
+  checkTable(kGridsA, rows);
 }
 TEST(AxisAlignedOracle, ReferenceSimulationOneGrid) { checkTable(kGridsB, {{3, .135, .0112, .0112}, {5, .0681, .0111, .0075}, {8, .0351, .0110, .0052}}); }
 

@@ -114,7 +114,7 @@ void expectTinted(LightKind kind, const v1::ShadowTechnique& technique, double t
     }
     EXPECT_GT(lit, 60u);
     EXPECT_GT(shadowed, 3u);
-    if (testing::Test::HasFailure()) return;
+    if (::testing::Test::HasFailure()) return;
   }
 }
 

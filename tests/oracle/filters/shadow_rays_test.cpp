@@ -10,6 +10,7 @@
 #include "filters/multiple_axis_aligned/technique.h"
 #include "filters/ray_traced/technique.h"
 #include "filters/sheared/technique.h"
+#include "support/thorough.h"
 #include "terms/light_points.h"
 #include "terms/shadow_slopes.h"
 #include "terms/visibility.h"
@@ -457,17 +458,24 @@ TEST(AxisAlignedConvergence, PredictedWidthsLeaveNoFloor) {
   sphere.kind = LightKind::Sphere;
   disk.radius = sphere.radius = 0.6f;
   const PlaneView view = floorView(96, 48, 0.04f);
+  // Rows differ by little but noise: the truth is of every third.
+  const int every = testing::thoroughOr(1, 3);
+  PlaneView rows = view;
+  rows.height = view.height / every;
+  rows.origin += float(every / 2) * view.dv;
+  rows.dv *= float(every);
   for (const LightShape& light : {rectAbove(0.5f, 10), disk, sphere}) {
     const auto scene = stage({{0, 40, -40, 40, 5}, {-0.4f, -0.2f, -40, 40, 3}}, light);
-    const auto truth = visibility(scene, view, rayTraced(4096));
+    const auto truth = visibility(scene, rows, rayTraced(4096));
     std::vector<double> errors;
     for (uint32_t n : {4u, 16u, 64u, 256u}) {
       v1::ShadowTechnique t = filtered();
       t.mutable_axis_aligned()->set_mean_samples(n);
       const auto V = visibility(scene, view, t);
       double sum = 0;
-      for (size_t e = 0; e < 96 * 48; ++e) sum += sqr(V->floats("V")[e] - truth->floats("V")[e]);
-      errors.push_back(std::sqrt(sum / (96 * 48)));
+      for (int y = 0; y < rows.height; ++y)
+        for (int x = 0; x < 96; ++x) sum += sqr(V->floats("V")[size_t((every * y + every / 2) * 96 + x)] - truth->floats("V")[size_t(y * 96 + x)]);
+      errors.push_back(std::sqrt(sum / (96 * rows.height)));
     }
     for (size_t i = 1; i < errors.size(); ++i) EXPECT_LT(errors[i], 0.75 * errors[i - 1]) << int(light.kind) << " " << i << ": " << errors[i];
     EXPECT_LT(errors[3], 0.003) << int(light.kind);

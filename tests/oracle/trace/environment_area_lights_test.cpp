@@ -8,6 +8,7 @@
 
 #include "scene/edit.h"
 #include "support/engines.h"
+#include "support/thorough.h"
 #include "terms/fit_area_lights.h"
 
 namespace gobo::testing {
@@ -122,7 +123,7 @@ Light farSquare(const AreaLight& fitted) {
 // the whole sky was raised to 0.6 for it, in the belief that a tent, which a texel is when it is looked up bilinearly, is so far from a square.)
 TEST(EnvironmentAreaLights, SmoothSurfacesSeeSquares) {
   const auto engine = makeEngine();
-  v1::RenderRequest r = directRequest("spheres");
+  v1::RenderRequest r = directRequest("spheres", thoroughOr(48, 36), thoroughOr(32, 24));
   v1::RenderRequest traced = r, squares = r;
   traced.mutable_shadows()->mutable_path_traced();
   set(traced, "halt.spp=1024");
@@ -166,7 +167,8 @@ TEST(EnvironmentAreaLights, TurningTheMapChangesThePictureSteadily) {
   set(r, "shadows.ray_traced.samples=64");
   std::vector<float> before, tracedBefore;
   double worst = 0, ratio = 0;
-  for (int step = 0; step < 8; ++step) {
+  const int steps = thoroughOr(8, 4);
+  for (int step = 0; step < steps; ++step) {
     set(r, "environment.rotation_deg=" + std::to_string(2 * step));
     r.mutable_environment()->clear_area_lights();
     const std::vector<float> traced = truth(*engine, r, 512);
@@ -175,7 +177,7 @@ TEST(EnvironmentAreaLights, TurningTheMapChangesThePictureSteadily) {
     if (step > 0) {
       const double change = rms(now, before), true_ = rms(traced, tracedBefore);
       worst = std::max(worst, change / true_);
-      ratio += change / true_ / 7;
+      ratio += change / true_ / (steps - 1);
     }
     before = now;
     tracedBefore = traced;

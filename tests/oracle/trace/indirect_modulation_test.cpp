@@ -7,6 +7,7 @@
 
 #include "scene/builtin/build.h"
 #include "support/engines.h"
+#include "support/thorough.h"
 
 namespace gobo::indirect_modulation_test {
 namespace {
@@ -58,6 +59,7 @@ Wave waveOf(const Image& image, double omega, double mean) {
 
 TEST(IndirectModulation, AWaveArrivesByItsTransferFunctionTracedAndFiltered) {
   for (const double omega : {0.5, 1.0, 2.0}) {
+    if (omega == 1.0 && !testing::thorough()) continue;  // lies between the others
     const auto engine = testing::makeEngine();
     RenderControl control;
     control.scene = planes(omega);
@@ -74,7 +76,7 @@ TEST(IndirectModulation, AWaveArrivesByItsTransferFunctionTracedAndFiltered) {
     for (const int k : {0, 1}) {
       r.clear_denoise();
       r.mutable_halt()->set_spp(k == 0 ? 16 : 256);
-      const Wave noisy = waveOf(engine->render(r, control)->images.at(0).image(), omega, mean);
+      const Wave noisy = k == 1 ? plain : waveOf(engine->render(r, control)->images.at(0).image(), omega, mean);  // of 256 samples there is one already
       testing::set(r, "denoise=axis_aligned");
       const auto smooth = engine->render(r, control);
       ASSERT_TRUE(smooth.ok()) << smooth.status().toString();

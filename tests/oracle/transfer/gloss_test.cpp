@@ -8,6 +8,7 @@
 #include "base/sobol.h"
 #include "plan/engine.h"
 #include "support/engines.h"
+#include "support/thorough.h"
 #include "support/tiny_scenes.h"
 #include "techniques/transfer/gloss_levels.h"
 #include "terms/environment_cells.h"
@@ -191,6 +192,7 @@ TEST(GlossPictures, ABallUnderUniformLightShowsItsAlbedo) {
   const auto engine = testing::makeEngine();
   for (const float roughness : {0.05f, 0.3f, 0.9f})
     for (const float metallic : {0.0f, 1.0f}) {
+      if (!testing::thorough() && (roughness == 0.3f) == (metallic > 0)) continue;  // every roughness, metal and plastic
       SceneMaker m;
       m.instance(m.mesh(tests::sphere(Vec3(0.0f), 1.0f, 32, true), m.material(Vec3(0.8f, 0.4f, 0.2f), [&](Material& x) {
         x.bsdf.specular = 1.0f;
@@ -282,6 +284,7 @@ TEST(GlossPictures, AYardIsNearThePathTracers) {
   const auto engine = testing::makeEngine();
   for (const float roughness : {0.3f, 0.6f})
     for (const float metallic : {0.0f, 1.0f}) {
+      if (!testing::thorough() && (roughness > 0.5f) == (metallic > 0)) continue;  // every roughness, metal and plastic
       SceneMaker m;
       const auto shine = [&](Material& x) {
         x.bsdf.specular = 1.0f;

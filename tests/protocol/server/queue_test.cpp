@@ -119,7 +119,7 @@ TEST_F(QueueProtocol, WhoWaitsIsToldHisPlaceAndThatTheWaitIsOver) {
 }
 
 TEST_F(QueueProtocol, TheRestOfARenderIsExpected) {
-  v1::RenderRequest request = small(256);
+  v1::RenderRequest request = small(128);
   request.set_width(256);
   request.set_height(192);
   size_t expected = 0;

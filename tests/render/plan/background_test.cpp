@@ -90,10 +90,10 @@ TEST(Background, NothingIsTracedAgainForIt) {
 }
 
 TEST(Background, ClassesStillSumToTheBeauty) {
-  for (const std::string& way : kWays)
+  for (const std::string& way : kWays) {
+    const auto engine = makeEngine();  // light is that of the first background: NothingIsTracedAgainForIt
     for (const char* background : {"COLOR", "BLURRED", "TRANSPARENT"}) {
       SCOPED_TRACE(way + " " + background);
-      const auto engine = makeEngine();
       const RenderResult r =
           withBackground(*engine, request(way, {"environment.background_color=0.25,0.5,4", "outputs=beauty,emission,direct,indirect"}), background);
       for (int y = 0; y < 24; ++y)
@@ -102,6 +102,7 @@ TEST(Background, ClassesStillSumToTheBeauty) {
           EXPECT_LT(glm::length(beauty(r).rgb(x, y) - sum), 1e-5f * (1.0f + glm::length(sum)));
         }
     }
+  }
 }
 
 TEST(Background, ABlurredConstantIsTheConstantAndFollowsTheGain) {

@@ -284,6 +284,7 @@ TEST(CameraRequests, ALensIsTheMeanOfThePinholesInIt) {
   // Pinholes all over the lens, each with its window shifted so that they agree in the plane of focus: the same picture, whatever brings the light.
   const auto engine = makeEngine();
   constexpr int kWidth = 24, kHeight = 18, kPinholes = 32, kSpp = 16;
+  constexpr int kSharp = 8;  // what differs by a lens is more than their noise; were it noise alone, `off` would be 0.63 of it
   constexpr double kFocal = 26.0;
   struct Case {
     const char* scene;
@@ -332,12 +333,12 @@ TEST(CameraRequests, ALensIsTheMeanOfThePinholesInIt) {
     open.mutable_camera()->set_focus_distance(k.focus);
     const Vec3 right = glm::normalize(glm::cross(k.forward, Vec3(0, 1, 0))), up = glm::normalize(glm::cross(right, k.forward));
     std::vector<std::vector<double>> lens(k.outputs.size()), sharp = lens, mean = lens;
-    const auto add = [&](std::vector<std::vector<double>>& sums, v1::RenderRequest& r, int seed) {
+    const auto add = [&](std::vector<std::vector<double>>& sums, v1::RenderRequest& r, int seed, int of) {
       r.set_seed(uint64_t(seed));
       const std::vector<Image> images = pictures(r);
       for (size_t o = 0; o < sums.size(); ++o) {
         sums[o].resize(images[o].data.size(), 0.0);
-        for (size_t c = 0; c < sums[o].size(); ++c) sums[o][c] += double(images[o].data[c]) / kPinholes;
+        for (size_t c = 0; c < sums[o].size(); ++c) sums[o][c] += double(images[o].data[c]) / of;
       }
     };
     for (int i = 0; i < kPinholes; ++i) {
@@ -348,9 +349,9 @@ TEST(CameraRequests, ALensIsTheMeanOfThePinholesInIt) {
       place(hole.mutable_camera()->mutable_look_at(), at + k.forward);
       hole.mutable_camera()->set_center_x(kWidth / 2.0 + x * kFocal / k.focus);
       hole.mutable_camera()->set_center_y(kHeight / 2.0 - y * kFocal / k.focus);
-      add(mean, hole, 100 + i);
-      add(lens, open, 200 + i);
-      add(sharp, middle, 300 + i);
+      add(mean, hole, 100 + i, kPinholes);
+      add(lens, open, 200 + i, kPinholes);
+      if (i < kSharp) add(sharp, middle, 300 + i, kSharp);
     }
     for (size_t o = 0; o < k.outputs.size(); ++o) {
       double off = 0, offSharp = 0, all = 0;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "support/engines.h"
+#include "support/thorough.h"
 
 namespace gobo::testing::coordinates_test {
 namespace {
@@ -42,6 +43,8 @@ TEST(Coordinates, OfAnySizeGiveAPictureOrARefusal) {
   }
   for (size_t t = 0; t < tries.size(); ++t)
     for (int k = 0; k < techniques->field_count(); ++k) {  // one after the other, for whom the engine keeps a sky
+      const size_t count = size_t(techniques->field_count());
+      if (size_t(k) != t % count && !inSweep(size_t(k) + t * count, 3)) continue;  // each number by one at least
       const std::string technique = "shadows." + techniques->field(k)->name() + "=";
       v1::RenderRequest r = smallRequest("cornell", 4, 3, 1);
       r.set_view_samples(1);
@@ -51,8 +54,8 @@ TEST(Coordinates, OfAnySizeGiveAPictureOrARefusal) {
       set(r, tries[t]);
       (pictureOrRefusal(*engine, r, technique + " " + tries[t]) ? pictures : refusals) += 1;
     }
-  EXPECT_GT(pictures, 500);
-  EXPECT_GT(refusals, 500);
+  EXPECT_GT(pictures, thoroughOr(500, 150));
+  EXPECT_GT(refusals, thoroughOr(500, 150));
 }
 
 TEST(Coordinates, BeyondTheBoundNameTheirField) {

@@ -61,12 +61,12 @@ TEST(CryptomattePlan, TogetherTheyCoverWhatTheBeautyCovers) {
       {"camera.cull_back_faces=true"},
       {"scene=moving", "camera.shutter_s=0.8", "camera.shutter_slices=4", "halt.spp=64"},
       {"scene=moving", "camera.shutter_s=0.8", "camera.shutter_slices=4", "halt.spp=64", "camera.lens_radius=0.1", "camera.focus_distance=3"}};
+  const auto engine = makeEngine();
+  ASSERT_TRUE(engine->openScene(moving, "moving").ok());
   for (const auto& edits : cases) {
     std::string name;
     for (const std::string& e : edits) name += e + " ";
     SCOPED_TRACE(name);
-    const auto engine = makeEngine();
-    ASSERT_TRUE(engine->openScene(moving, "moving").ok());
     v1::RenderRequest r = request(edits);
     for (const char* e : {"outputs=beauty,cryptomatte_object,cryptomatte_material", "environment.constant=1,1,1", "environment.background=TRANSPARENT"})
       set(r, e);

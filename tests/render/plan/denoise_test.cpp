@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "support/engines.h"
+#include "support/thorough.h"
 #include "trace/sample_passes.h"
 
 namespace gobo {
@@ -78,7 +79,7 @@ TEST(Denoise, TracesNoSampleMore) {
 TEST(Denoise, EveryFilterTakesNoiseOut) {
   for (const char* scene : {"cornell", "spheres"}) {
     const auto engine = makeEngine();
-    v1::RenderRequest r = smallRequest(scene, 80, 60, 512);  // less than a hundredth of the noise of 4
+    v1::RenderRequest r = smallRequest(scene, 80, 60, testing::thoroughOr(512, 256));  // at most an eighth of the noise of 4
     const RenderResult truth = mustRender(*engine, r);
     r.mutable_halt()->set_spp(4);
     const double plain = relative(beauty(mustRender(*engine, r)), beauty(truth));
@@ -112,7 +113,7 @@ TEST(Denoise, LeavesAloneWhatIsNotPathTraced) {
 // Indirect light alone, each lobe by itself; what is direct keeps its noise to the bit, and no sample is traced more than for telling them apart.
 TEST(Denoise, AxisAlignedFiltersIndirectLightByLobe) {
   for (const char* scene : {"spheres", "cornell"}) {
-    v1::RenderRequest r = smallRequest(scene, 64, 48, 1024);
+    v1::RenderRequest r = smallRequest(scene, 64, 48, testing::thoroughOr(1024, 512));
     for (const char* o : {"beauty", "direct", "emission", "indirect", "indirect_diffuse", "indirect_specular"}) r.add_outputs(o);
     const auto engine = makeEngine();
     const RenderResult truth = mustRender(*engine, r);
@@ -140,7 +141,7 @@ TEST(Denoise, AxisAlignedFiltersIndirectLightByLobe) {
 // Path-traced direct light beside axis-aligned filtering: less noise where there is some, the sampled bits' own error where there is none to speak of.
 TEST(Denoise, AxisAlignedHasAFilterForDirectLightBesideIt) {
   for (const char* scene : {"lights8", "cornell"}) {
-    v1::RenderRequest r = smallRequest(scene, 48, 36, 512);
+    v1::RenderRequest r = smallRequest(scene, 48, 36, testing::thoroughOr(512, 256));
     for (const char* o : {"beauty", "direct", "emission", "indirect"}) r.add_outputs(o);
     const RenderResult truth = mustRender(*makeEngine(), r);
     r.mutable_halt()->set_spp(4);

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "support/planned_nodes.h"
+#include "support/thorough.h"
 
 namespace gobo::testing {
 namespace {
@@ -97,7 +98,7 @@ TEST(DryRun, SaysTheNoiseThatIsThenMeasured) {
     r.set_seed(1);
     ASSERT_TRUE(engine->render(r, watched).ok());
     r.set_seed(2);
-    r.mutable_halt()->set_spp(1024);
+    r.mutable_halt()->set_spp(thoroughOr(1024u, 512u));
     const RenderResult truth = mustRender(*engine, r);
     for (const uint32_t spp : {16u, 128u}) {
       r.set_seed(spp);
@@ -130,7 +131,7 @@ TEST(DryRun, SaysTheErrorThatCertificatesFound) {
     EXPECT_EQ(once->error_from(), "certificates of this picture, 16 samples");
     EXPECT_NEAR(once->rmse(), leavesOut ? certified : certified / 2, 1e-9) << "all of it noise, or nothing known of what stays";
     const double second = mustRender(*engine, r).reply.certificate().rmse();
-    r.mutable_halt()->set_spp(1024);
+    r.mutable_halt()->set_spp(thoroughOr(1024u, 256u));
     const auto planned = engine->plan(r);
     EXPECT_EQ(planned->error_from(), leavesOut ? "certificates of this picture, 16 and 64 samples" : "certificates of this picture, 64 samples");
     const double third = mustRender(*engine, r).reply.certificate().rmse();

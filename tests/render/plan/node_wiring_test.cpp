@@ -10,6 +10,7 @@
 
 #include "filters/composite.h"
 #include "support/planned_nodes.h"
+#include "support/thorough.h"
 #include "technique/plan_context.h"
 #include "techniques/path_traced/technique.h"
 
@@ -38,10 +39,12 @@ struct Seen {
   int refused = 0, ran = 0;
 };
 
-/// Runs each kind of node on inputs of which one is changed, wherever infer takes them: it has to say how, and make what it said.
+/// Runs each kind of node on inputs of which one is changed, wherever infer takes them: it has to say how, and make what it said (all of them, or each
+/// input's first and a share of the others).
 Seen holdWiring(const std::function<std::vector<TermPtr>(const Term&)>& changes) {
   Seen seen;
   std::set<std::string> kinds;
+  size_t taken = 0;
   for (const auto& [name, request] : requestsWithAllNodes(19, 13)) {
     Planned p(request, 2);
     if (!p.plan) continue;
@@ -52,7 +55,8 @@ Seen holdWiring(const std::function<std::vector<TermPtr>(const Term&)>& changes)
       std::vector<TermPtr> inputs;
       for (const NodeId i : n.inputs) inputs.push_back(p.input(i));
       EXPECT_TRUE(n.node->infer(shapesOf(inputs)).ok());
-      for (size_t i = 0; i < std::min<size_t>(inputs.size(), 4); ++i)
+      for (size_t i = 0; i < std::min<size_t>(inputs.size(), 4); ++i) {
+        bool first = true;
         for (const TermPtr& other : changes(*inputs[i])) {
           std::vector<TermPtr> changed = inputs;
           changed[i] = other;
@@ -67,10 +71,13 @@ Seen holdWiring(const std::function<std::vector<TermPtr>(const Term&)>& changes)
           const Extent &was = inputs[i]->extent(), &is = other->extent();
           const bool part = (n.node->type() == "object_id" || n.node->type() == "material_id") && is.width == was.width && is.height == was.height;
           if (!(is == was) && !part) { EXPECT_FALSE(shape->extent == n.shape.extent) << "input " << i; }
+          if (!inSweep(taken++, 4) && !first) continue;
+          first = false;
           const auto made = p.runOn(id, changed);
           EXPECT_EQ(made.status().message().find("is not the"), std::string::npos) << made.status().toString();
           ++seen.ran;
         }
+      }
     }
   }
   return seen;
@@ -89,7 +96,7 @@ TEST(NodeWiring, APlaneThatIsNotThereIsRefusedOrNotRead) {
     return all;
   });
   EXPECT_GT(seen.refused, 40);
-  EXPECT_GT(seen.ran, 20);
+  EXPECT_GT(seen.ran, thoroughOr(20, 10));
 }
 
 TEST(NodeWiring, APlaneOfAnotherFormatOrNumberOfChannelsIsRefusedOrNotRead) {
@@ -110,7 +117,7 @@ TEST(NodeWiring, APlaneOfAnotherFormatOrNumberOfChannelsIsRefusedOrNotRead) {
     return all;
   });
   EXPECT_GT(seen.refused, 80);
-  EXPECT_GT(seen.ran, 40);
+  EXPECT_GT(seen.ran, thoroughOr(40, 15));
 }
 
 TEST(NodeWiring, AnotherExtentIsRefusedOrServed) {

@@ -7,6 +7,7 @@
 
 #include "plan/outputs.h"
 #include "support/engines.h"
+#include "support/thorough.h"
 
 namespace gobo::testing {
 namespace {
@@ -81,6 +82,7 @@ TEST(Outputs, PartsAddUpWithVisibilityTechniquesGainsAndClusters) {
 // decides, so that nothing is selected by what is tested. Pixels are independent: their scatter gives the error of the ratio.
 TEST(Outputs, VarianceIsTheVarianceOverSeeds) {
   for (const int spp : {128, 256}) {
+    if (spp == 256 && !thorough()) continue;
     const auto engine = makeEngine();
     const int pilot = 16, seeds = 32;
     v1::RenderRequest r = smallRequest("cornell", 24, 20, spp);

@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "support/engines.h"
+#include "support/thorough.h"
 
 namespace gobo::testing {
 namespace {
@@ -87,7 +88,7 @@ TEST(ScenePatches, AThingIsMovedFromWhereItIs) {
 
 TEST(ScenePatches, APatchThatRacesAnUnloadDoesNotBringTheIdBack) {
   const auto engine = makeEngine();
-  for (int round = 0; round < 30; ++round) {
+  for (int round = 0; round < thoroughOr(30, 10); ++round) {
     ASSERT_TRUE(engine->openScene("lamps", "gone").ok());
     v1::PatchSceneRequest p;
     p.set_scene("gone");

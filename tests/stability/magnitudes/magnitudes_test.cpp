@@ -11,6 +11,7 @@
 
 #include "base/sobol.h"
 #include "support/engines.h"
+#include "support/thorough.h"
 #include "support/tiny_scenes.h"
 
 namespace gobo::testing::magnitudes_test {
@@ -22,7 +23,7 @@ using google::protobuf::Message;
 constexpr std::array<double, 13> kMagnitudes{1,    1,   1,   1,   1e-12, 1e-9, 1e-6,
                                              1e-3, 1e3, 1e6, 1e9, 9.9e8, 1e12};  // 1 often: or little would get beyond its refusal
 constexpr std::array<const char*, 6> kKinds{"POINT", "SPOT", "DIRECTIONAL", "RECT", "DISK", "SPHERE"};
-constexpr int kTries = 200;  // a technique
+const int kTries = thoroughOr(200, 70);  // a technique
 
 /// Choices of one try.
 struct Dice {

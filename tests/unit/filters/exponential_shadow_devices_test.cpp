@@ -29,7 +29,7 @@ double worstDifference(const TermPtr& a, const TermPtr& b, const char* plane, bo
 
 enum class Kind { Vulkan, Egl };
 
-class ExponentialShadowDevices : public testing::TestWithParam<Kind> {
+class ExponentialShadowDevices : public ::testing::TestWithParam<Kind> {
  protected:
   template <typename T>
   static ComputeDevicePtr made(const Result<std::shared_ptr<T>>& device) {
@@ -39,7 +39,7 @@ class ExponentialShadowDevices : public testing::TestWithParam<Kind> {
   static ComputeDevicePtr device() { return GetParam() == Kind::Vulkan ? made(VulkanDevice::shared()) : made(EglDevice::shared()); }
 };
 
-INSTANTIATE_TEST_SUITE_P(All, ExponentialShadowDevices, testing::Values(Kind::Vulkan, Kind::Egl),
+INSTANTIATE_TEST_SUITE_P(All, ExponentialShadowDevices, ::testing::Values(Kind::Vulkan, Kind::Egl),
                          [](const auto& info) { return info.param == Kind::Vulkan ? "Vulkan" : "Egl"; });
 
 TEST_P(ExponentialShadowDevices, AgreesWithTheCpu) {

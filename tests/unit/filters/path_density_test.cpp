@@ -10,6 +10,7 @@
 #include "filters/path_density/neighbour_search.h"
 #include "filters/path_density/spread.h"
 #include "path_density_clouds.h"
+#include "support/thorough.h"
 
 namespace gobo {
 namespace path_density_test {
@@ -114,7 +115,7 @@ TEST(PathDensity, RareColoursAppearAtTheTransitionOfTheLaw) {
   const auto measured = [&](double nq, double& sigma, double& weight) {
     sigma = weight = 0;
     double count = 0;
-    for (const uint64_t seed : {11u, 12u, 13u, 14u}) {
+    for (uint64_t seed = 11; seed < testing::thoroughOr(15u, 13u); ++seed) {
       const RareClass r = rareClass(nq / n, n, 64, 6.0f, seed);
       const auto sigmas = sigmasOf(r.samples.view(), s, LightTerm::All, arena());
       ASSERT_TRUE(sigmas.ok());
@@ -139,13 +140,15 @@ TEST(PathDensity, RareColoursAppearAtTheTransitionOfTheLaw) {
     EXPECT_LT(after, threshold) << law;
   }
   // The source's simulation: mean weights; they are ours at an nq that is at most 10 % another one (and 0.02 of weight, our own noise).
+  // Half of the seeds: root 2 times the noise.
+  const double noise = testing::thoroughOr(0.02, 0.028);
   const double table[][2] = {{0.30, 0}, {0.79, 0.02}, {1.0, 0.22}, {1.3, 0.74}, {1.77, 0.96}, {2.5, 1.0}};
   for (const auto& [nq, expected] : table) {
     double sigma = 0, below = 0, above = 0;
     measured(0.9 * nq, sigma, below);
     measured(1.1 * nq, sigma, above);
-    EXPECT_LE(below, expected + 0.02) << nq;
-    EXPECT_GE(above, expected - 0.02) << nq;
+    EXPECT_LE(below, expected + noise) << nq;
+    EXPECT_GE(above, expected - noise) << nq;
     if (nq > 0.5) { EXPECT_NEAR(sigma, 2.0 / 3.0 * std::sqrt(k / (M_PI * 1.1 * nq)), 0.05 * sigma) << nq; }
   }
 }

@@ -11,6 +11,7 @@
 #include "filters/stylised/distance_field.h"
 #include "filters/stylised/transfer.h"
 #include "formulas/stylised_shadow.glsl.h"
+#include "support/thorough.h"
 #include "unit/filters/synthetic.h"
 
 namespace gobo {
@@ -103,7 +104,7 @@ double worst(const StyleDistanceSettings& s, const TermPtr& V, const TermPtr& g,
 }
 
 TEST(StyleDistance, FieldIsTheSumTermByTerm) {
-  const Extent e{97, 83, 1};
+  const Extent e = testing::thorough() ? Extent{97, 83, 1} : Extent{71, 53, 1};
   const auto g = planeGBuffer(view(e));
   const auto blobs = floatTerm(e, "V", [](int x, int y, int) {
     return std::sin(0.2f * float(x)) * std::cos(0.13f * float(y)) + 0.3f * std::sin(0.05f * float(x * y)) > 0.1f ? 1.0f : 0.0f;

@@ -8,6 +8,7 @@
 #include "measure/certificate.h"
 #include "measure/confidence.h"
 #include "support/certificate_cases.h"
+#include "support/thorough.h"
 
 namespace gobo {
 namespace {
@@ -241,13 +242,14 @@ TEST(Certify, ChancesAreDividedOut) {
 /// The interval's promise on synthetic pictures of every kind: bench/certificate_bench.cpp with fewer seeds on smaller pictures.
 /// The seeds are fixed, so the outcome is; the bounds leave room for the few seeds where coverage is near the promise.
 TEST(Certify, CoverageAndWidth) {
-  const int seeds = 40;
+  const int seeds = thoroughOr(40, 20);
+  const double wanted = thoroughOr(0.93, 0.9), wantedRel = thoroughOr(0.9, 0.85);  // 2 and 4 misses of 40, 2 and 3 of 20
   for (const CertificateCase& picture : certificateCases(256)) {
     const Coverage c = measureCoverage(picture, 0.0625, seeds, 1000);
-    EXPECT_GE(c.trimmed, 0.93) << picture.name;
-    EXPECT_GE(c.relTrimmed, 0.9) << picture.name;
-    if (picture.kind != Kind::Hidden) { EXPECT_GE(c.relWhole, 0.9) << picture.name; }
-    if (picture.kind != Kind::Hidden) { EXPECT_GE(c.whole, 0.93) << picture.name; }
+    EXPECT_GE(c.trimmed, wanted) << picture.name;
+    EXPECT_GE(c.relTrimmed, wantedRel) << picture.name;
+    if (picture.kind != Kind::Hidden) { EXPECT_GE(c.relWhole, wantedRel) << picture.name; }
+    if (picture.kind != Kind::Hidden) { EXPECT_GE(c.whole, wanted) << picture.name; }
     if (picture.widthPromised) { EXPECT_LE(c.halfWidth, 0.25) << picture.name; }
   }
 }

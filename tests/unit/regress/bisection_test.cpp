@@ -114,10 +114,10 @@ TEST(Judge, WordsOfVerdicts) {
   EXPECT_FALSE(verdictNamed("fair"));
 }
 
-class Child : public testing::Test {
+class Child : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::path(testing::TempDir()) / ("child-" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
+    folder_ = std::filesystem::path(::testing::TempDir()) / ("child-" + std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
     std::filesystem::create_directories(folder_);
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }

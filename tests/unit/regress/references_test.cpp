@@ -16,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Folder {
-  fs::path path = fs::path(testing::TempDir()) / ("references-" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
+  fs::path path = fs::path(::testing::TempDir()) / ("references-" + std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
   Folder() { fs::remove_all(path); }
   ~Folder() { fs::remove_all(path); }
 };

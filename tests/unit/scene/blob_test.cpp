@@ -12,6 +12,7 @@
 #include "scene/blob_codec.h"
 #include "scene/mipmap.h"
 #include "support/blob_bytes.h"
+#include "support/instrumented.h"
 
 namespace gobo {
 namespace {
@@ -191,7 +192,9 @@ TEST(Blob, EveryDamagedByteIsRefusedOrHarmless) {
     BlobBytes b = whole;
     b.bytes[i] ^= 0x40;
     if (i < kBlobHeaderBytes + b.at<uint64_t>(80)) { ASSERT_FALSE(b.scene(BlobTrust::Own).ok()) << "byte " << i; }  // digests of header and records
+    size_t way = i;  // each byte in one way of three where code is slow
     for (const uint8_t flip : {0x01, 0x80, 0xff}) {
+      if (testing::kInstrumented && way++ % 3) continue;
       b = whole;
       b.bytes[i] ^= flip;
       b.mend();  // as a hostile writer would
@@ -209,6 +212,7 @@ TEST(Blob, EveryDamagedByteIsRefusedOrHarmless) {
     // Counts and offsets of eight bytes at their extremes.
     for (const uint64_t wild : {~0ull, 1ull << 63, 1ull << 31, (1ull << 62) + 64}) {
       if (i + 8 > whole.bytes.size()) break;
+      if (testing::kInstrumented && way++ % 4) continue;
       b = whole;
       std::memcpy(b.bytes.data() + i, &wild, 8);
       b.mend();

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "support/furnace.h"
+#include "support/thorough.h"
 
 namespace gobo::bsdf_furnace_test {
 namespace {
@@ -36,6 +37,7 @@ const Model kModels[] = {
 
 TEST(BsdfFurnace, WhiteMetalDielectricAndGlassLoseLessThanAPercent) {
   uint32_t seed = 1;
+  size_t combination = 0;
   for (const Model& m : kModels) {
     double lowest = 2, highest = 0, lossR = 0, lossC = 0, lossIor = 0;
     int cases = 0;
@@ -43,6 +45,10 @@ TEST(BsdfFurnace, WhiteMetalDielectricAndGlassLoseLessThanAPercent) {
       if (!m.hasIor && ior > 1.2f) break;
       for (float roughness : {0.0f, 0.04f, 0.1f, 0.2f, 0.3f, 0.45f, 0.6f, 0.8f, 1.0f})
         for (double c : {0.02, 0.05, 0.12, 0.3, 0.6, 0.85, 1.0}) {
+          if (m.hasIor && !testing::inSweep(combination++, 3)) {
+            ++seed;  // that of the others stays
+            continue;
+          }
           BsdfParams p;
           p.albedo = Vec3(1.0f);
           p.roughness = roughness;
@@ -101,7 +107,7 @@ BsdfParams randomMaterial(test::Rng& rng) {
 TEST(BsdfFurnace, NoStackOfLayersGains) {
   test::Rng rng(5);
   double highest = 0;
-  const int n = 500;
+  const int n = testing::thoroughOr(500, 160);
   for (int k = 0; k < n; ++k) {
     const BsdfParams p = randomMaterial(rng);
     const double u = rng.next(), c = k % 3 ? 0.01 + 0.99 * u : 0.01 + 0.3 * u * u, phi = 6.28 * rng.next();

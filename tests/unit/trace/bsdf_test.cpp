@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "support/chi2.h"
+#include "support/thorough.h"
 
 namespace gobo::bsdf_test {
 namespace {
@@ -89,12 +90,13 @@ bool drawDirection(const BsdfParams& p, const Vec3& wo, Rng& rng, Vec3& wi) {
 }
 
 TEST(Bsdf, ChiSquaredOfSamplesAgainstDensity) {
+  const int samples = testing::thoroughOr(60000, 25000);
   const auto cases = roughCases();
   double lowest = 1, highest = 0;
   for (const Case& c : cases) {
     const Vec3 wo = direction(c.cosine, 0.7);
     const auto r = test::chi2Test(
-        {}, 60000, uint64_t(&c - cases.data()) + 100, [&](Rng& rng, Vec3& w) { return drawDirection(c.p, wo, rng, w); },
+        {}, samples, uint64_t(&c - cases.data()) + 100, [&](Rng& rng, Vec3& w) { return drawDirection(c.p, wo, rng, w); },
         [&](const Vec3& w) { return double(bsdfPdf(c.p, wo, w)); });
     EXPECT_GT(r.p, test::sidak(int(cases.size()))) << c.name << " cos " << c.cosine << " chi2 " << r.statistic << "/" << r.degrees << " integral " << r.integral
                                                    << " refused " << r.refused;

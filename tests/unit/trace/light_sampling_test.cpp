@@ -8,6 +8,7 @@
 
 #include "support/chi2.h"
 #include "support/lit_scene.h"
+#include "support/thorough.h"
 #include "trace/alias_table.h"
 #include "trace/area_lights.h"
 
@@ -22,7 +23,7 @@ Chi2Result chi2OfAreaLight(const LightShape& shape, const Vec3& p, uint64_t seed
   lit.add(shape);
   const LightSampler& s = lit.build();
   return chi2Test(
-      d, 60000, seed,
+      d, gobo::testing::thoroughOr(60000, 30000), seed,
       [&](Rng& rng, Vec3& w) {
         LightSample out;
         if (!s.sample(0, p, rng.next2(), out)) return false;

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <vector>
 
+#include "support/thorough.h"
 #include "support/tiny_scenes.h"
 #include "trace/camera_media.h"
 #include "trace/interior.h"
@@ -232,14 +233,14 @@ TEST(PathMedia, ScatteringHalfSpaceHasTheAlbedoOfTheHFunction) {
   m.camera(Vec3(0, 5, 0), Vec3(0.0f), 1e-4f);
   Traced t(m.finish());
   t.settings.maxBounces = 4;
-  const Measured e = estimate(t, 32);
+  const Measured e = estimate(t, testing::thoroughOr(32, 16));
   DVec3 truth;
   for (int c = 0; c < 3; ++c) {
     const double a = singleScatteringAlbedo(multiple[c], 0.0f);
     truth[c] = 1 - chandrasekharH(a) * std::sqrt(1 - a);
   }
   expectNear(e[0], truth, 1e-3);
-  EXPECT_LT(e[0].error.x, 0.01);
+  EXPECT_LT(e[0].error.x, testing::thoroughOr(0.01, 0.014));  // of half of the blocks: root 2 times as much
   EXPECT_EQ(e.dropped, 0u);
 }
 

@@ -4,6 +4,7 @@
 
 #include "base/halton.h"
 #include "base/independent.h"
+#include "support/thorough.h"
 #include "support/tiny_scenes.h"
 #include "trace/sample_set.h"
 
@@ -110,6 +111,7 @@ TEST(Samplers, HaveTheSameMeans) {
                {"blocked lamp, 5 view samples", blockedLamp(), 5, 2, SplitMode::Combined},
                {"glass and fog", glassAndFog(), 0, 12, SplitMode::Combined},
                {"glass and fog, 3 view samples", glassAndFog(), 3, 5, SplitMode::Combined}};
+  const int blocks = testing::thoroughOr(300, 150);
   for (const auto& c : cases) {
     SCOPED_TRACE(c.name);
     Traced t(c.scene, 6, 6);
@@ -121,11 +123,11 @@ TEST(Samplers, HaveTheSameMeans) {
     for (int k = 0; k < 3; ++k) {
       t.settings.sampler = kKinds[k];
       t.settings.seed = 31 + uint64_t(k);
-      m[k] = estimate(t, 300);
+      m[k] = estimate(t, blocks);
       for (size_t slot = 0; slot < m[0].slots.size(); ++slot) expectSame(m[k][slot], m[0][slot]);
     }
     const size_t last = m[0].slots.size() - 1;
-    EXPECT_LT(m[0][last].error.x, 0.03 * m[0][last].mean.x);
+    EXPECT_LT(m[0][last].error.x, testing::thoroughOr(0.03, 0.042) * m[0][last].mean.x);  // of half of the blocks: root 2 times as much
     const size_t shown = c.split == SplitMode::DirectIndirect ? 1 : 0;
     const double sobol = m[0][shown].error.y, halton = m[1][shown].error.y, independent = m[2][shown].error.y;
     std::printf("  %s: errors of Sobol %.5f, Halton %.5f, independent %.5f at %.4f\n", c.name, sobol, halton, independent, m[0][shown].mean.y);
@@ -156,8 +158,10 @@ TEST(Samplers, OneSequenceConvergesWithViewSamplesAndDispersion) {
       return sum / double(blocks * t.settings.blockSize);
     };
     DVec3 truth(0.0);
-    for (uint64_t seed = 100; seed < 108; ++seed) truth += mean(SamplerKind::Sobol, seed) / 8.0;
+    const uint64_t sequences = viewSamples > 0 ? testing::thoroughOr<uint64_t>(8, 4) : 8;  // dispersion is noisy
+    for (uint64_t seed = 100; seed < 100 + sequences; ++seed) truth += mean(SamplerKind::Sobol, seed) / double(sequences);
     for (const SamplerKind kind : {SamplerKind::Halton, SamplerKind::Independent}) {
+      if (!testing::thorough() && kind == SamplerKind::Independent && viewSamples == 7) continue;  // 5 are as good: it has no base
       double squares = 0;
       for (uint64_t seed = 0; seed < 8; ++seed) {
         const DVec3 apart = mean(kind, seed) / truth - 1.0;
