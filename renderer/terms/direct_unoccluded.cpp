@@ -93,7 +93,6 @@ class DirectUnoccludedNode final : public Node {
               r.bsdf.entering = (flags[i] & kSurfaceEntering) != 0;
               if (!r.lambert() && r.n != r.ng) r.bsdf.facing = r.frame().toLocal(r.ng);
             }
-            if (bsdfIsDelta(r.bsdf)) continue;
             const Vec3 value = light.at(r, film(i), s_.lobe) * s_.nominal;
             if (!isFinite(value)) {
               dropped.add(i, 1);

@@ -38,24 +38,55 @@ bool inHighlight(const LitPoint& r, double cosine, double h) {
 
 }  // namespace
 
+/// A point with what depends on its material and viewer alone, found once for all directions that light may come from.
+struct UnoccludedLight::Seen {
+  explicit Seen(const LitPoint& r) : r(r), frame(r.frame()), wo(frame.toLocal(r.wo)), view(r.bsdf, wo) {}
+  BsdfValue value(const Vec3& local, float& pdf) const { return r.value(view, wo, local, pdf); }
+  BsdfValue value(const Vec3& local) const {
+    float pdf;
+    return value(local, pdf);
+  }
+  const LitPoint& r;
+  const Frame frame;
+  const Vec3 wo;
+  const BsdfView view;
+};
+
 Vec3 UnoccludedLight::at(const LitPoint& r, size_t element, LobePart lobe) const {
   Vec3 value(0.0f);
-  return closedForm(r, lobe, value) ? value : sampled(r, element, lobe);
+  if (r.lambert() && (bsdfIsDelta(r.bsdf) || closedForm(r, lobe, value))) return value;
+  const Seen seen(r);
+  return !r.lambert() && seen.view.isDelta() ? value : sampled(seen, element, lobe);
 }
 
 BsdfValue UnoccludedLight::lobes(const LitPoint& r, size_t element) const {
   BsdfValue out;
-  if (isDeltaLight(shape_)) {  // one look at the material for both
+  if (r.lambert() && !isDeltaLight(shape_)) {
+    out.diffuse = at(r, element, LobePart::Diffuse);
+    return out;
+  }
+  const Seen seen(r);  // one look at the material for both
+  if (seen.view.isDelta()) return out;
+  if (isDeltaLight(shape_)) {
     LightSample ls;
     if (!sampler_->sample(light_, r.p, Vec2(0.5f), ls) || !arrives(r, ls.direction)) return out;
-    const Frame frame = r.frame();
-    out = r.value(frame.toLocal(r.wo), frame.toLocal(ls.direction));
+    out = seen.value(seen.frame.toLocal(ls.direction));
     out.diffuse *= ls.radiance;
     out.specular *= ls.radiance;
     return out;
   }
-  out.diffuse = at(r, element, LobePart::Diffuse);
-  if (!r.lambert()) out.specular = at(r, element, LobePart::Specular);
+  if (isWideDirectional(shape_)) {
+    out.diffuse = sampled(seen, element, LobePart::Diffuse);
+    out.specular = sampled(seen, element, LobePart::Specular);
+    return out;
+  }
+  DVec3 diffuse(0.0), specular(0.0);
+  drawn(seen, element, [&](const BsdfValue& f, const Vec3& radiance, double density) {
+    diffuse += DVec3(f.diffuse * radiance) / density;
+    specular += DVec3(f.specular * radiance) / density;
+  });
+  out.diffuse = Vec3(diffuse);
+  out.specular = Vec3(specular);
   return out;
 }
 
@@ -133,62 +164,74 @@ bool UnoccludedLight::sunlit(const LitPoint& r, Vec3& value) const {
   value = Vec3(sum / (std::numbers::pi * sine * sine));
   return true;
 }
-Vec3 UnoccludedLight::sampled(const LitPoint& r, size_t element, LobePart part) const {
+
+Vec3 UnoccludedLight::sampled(const Seen& seen, size_t element, LobePart part) const {
   const LightShape& shape = shape_;
-  const Frame frame = r.frame();
-  const Vec3 wo = frame.toLocal(r.wo);
-  const auto reflected = [&](const Vec3& wi) {
-    if (!arrives(r, wi)) return Vec3(0.0f);
-    return partOf(r.value(wo, frame.toLocal(wi)), part);
-  };
-  LightSample ls;
+  const LitPoint& r = seen.r;
   if (isWideDirectional(shape)) {
+    const bool along = arrives(r, -shape.axis);
     if (shape.angularSize != 0.0f) {
       Vec3 diffuse;
-      if (part == LobePart::Specular || !sunlit(r, diffuse)) return distant(r, frame, wo, element, part);
-      return r.lambert() || part == LobePart::Diffuse ? diffuse : diffuse + distant(r, frame, wo, element, LobePart::Specular);
+      if (part == LobePart::Specular || !sunlit(r, diffuse)) return distant(seen, element, part);
+      return r.lambert() || part == LobePart::Diffuse ? diffuse : diffuse + distant(seen, element, LobePart::Specular);
     }
-    if (r.lambert()) return reflected(-shape.axis);
+    const auto alongAxis = [&] { return seen.value(seen.frame.toLocal(-shape.axis)); };
+    if (r.lambert()) return along ? partOf(alongAxis(), part) : Vec3(0.0f);
     Vec3 value(0.0f);
-    if (part != LobePart::Specular && arrives(r, -shape.axis)) value += r.value(wo, frame.toLocal(-shape.axis)).diffuse;
-    if (part != LobePart::Diffuse) value += distant(r, frame, wo, element, LobePart::Specular);
+    if (part != LobePart::Specular && along) value += alongAxis().diffuse;
+    if (part != LobePart::Diffuse) value += distant(seen, element, LobePart::Specular);
     return value;
   }
-  if (isDeltaLight(shape)) return sampler_->sample(light_, r.p, Vec2(0.5f), ls) ? reflected(ls.direction) * ls.radiance : Vec3(0.0f);
+  if (isDeltaLight(shape)) {
+    LightSample ls;
+    if (!sampler_->sample(light_, r.p, Vec2(0.5f), ls)) return Vec3(0.0f);
+    return (arrives(r, ls.direction) ? partOf(seen.value(seen.frame.toLocal(ls.direction)), part) : Vec3(0.0f)) * ls.radiance;
+  }
+  DVec3 sum(0.0);
+  drawn(seen, element, [&](const BsdfValue& f, const Vec3& radiance, double density) { sum += DVec3(partOf(f, part) * radiance) / density; });
+  return Vec3(sum);
+}
 
-  // Light samples and BSDF samples by the balance heuristic; BSDF samples only for lights that a ray can be tested against here.
+/// Light samples and BSDF samples by the balance heuristic; BSDF samples only for lights that a ray can be tested against here. add(f cos, radiance, density
+/// of all samples together), whose sum of f radiance / density is the light.
+template <class Add>
+void UnoccludedLight::drawn(const Seen& seen, size_t element, const Add& add) const {
+  const LightShape& shape = shape_;
+  const LitPoint& r = seen.r;
   const bool both = shape.kind != LightKind::Mesh && !r.lambert();
   const int nLight = both ? (samples_ + 1) / 2 : samples_, nBsdf = samples_ - nLight;
-  DVec3 sum(0.0);
   const uint64_t seed = hash64(hash64(seed_, 0x646972u), element);
   for (int k = 0; k < nLight; ++k) {
     SobolSampler u(seed, uint32_t(k));
-    if (!sampler_->sample(light_, r.p, u.next2D(), ls)) continue;
-    const float pb = nBsdf ? bsdfPdf(r.bsdf, wo, frame.toLocal(ls.direction)) : 0.0f;
-    sum += DVec3(reflected(ls.direction) * ls.radiance) / double(nLight * ls.pdf + nBsdf * pb);
+    LightSample ls;
+    if (!sampler_->sample(light_, r.p, u.next2D(), ls) || !arrives(r, ls.direction)) continue;
+    float pb;
+    const BsdfValue f = seen.value(seen.frame.toLocal(ls.direction), pb);
+    add(f, ls.radiance, double(nLight * ls.pdf + (nBsdf ? nBsdf * pb : 0.0f)));
   }
   for (int k = 0; k < nBsdf; ++k) {
     SobolSampler u(hash64(seed, 1), uint32_t(k));
     BsdfSample b;
     const float lobe = u.next1D();
-    if (!bsdfSample(r.bsdf, wo, lobe, u.next2D(), b) || b.delta || b.pdf <= 0) continue;
+    if (!seen.view.sample(lobe, u.next2D(), b) || b.delta || b.pdf <= 0) continue;
     Ray ray;
     ray.origin = r.p;
-    ray.direction = frame.toWorld(b.wi);
+    ray.direction = seen.frame.toWorld(b.wi);
     if (!arrives(r, ray.direction)) continue;
     float t;
     Vec3 normal;
     if (!intersectAreaLight(shape, ray, t, normal)) continue;  // whatever other light is before it: lights block nothing
     const float pl = sampler_->pdf(light_, r.p, ray.direction, t, 0);
-    const Vec3 f = partOf(r.value(wo, b.wi), part) * sampler_->emitted(light_, ray.direction, 0, 0, 0, normal);
-    sum += DVec3(f) / double(nLight * pl + nBsdf * b.pdf);
+    add(seen.value(b.wi), sampler_->emitted(light_, ray.direction, 0, 0, 0, normal), double(nLight * pl + nBsdf * b.pdf));
   }
-  return Vec3(sum);
 }
 
 /// Lobes under a light at infinity of irradiance 1, uniform over its disk or rectangle. Light and BSDF samples, balance heuristic.
-Vec3 UnoccludedLight::distant(const LitPoint& r, const Frame& frame, const Vec3& wo, size_t element, LobePart lobes) const {
+Vec3 UnoccludedLight::distant(const Seen& seen, size_t element, LobePart lobes) const {
   const LightShape& shape = shape_;
+  const LitPoint& r = seen.r;
+  const Frame& frame = seen.frame;
+  const Vec3& wo = seen.wo;
   const DistantLight light(shape);
   const double h = shape.angularSize != 0.0f ? std::tan(0.5 * double(shape.angularSize)) : 0.5 * std::max(shape.skyRectangle.x, shape.skyRectangle.y);
   const bool highlight = !r.lambert() && inHighlight(r, -glm::dot(shape.axis, frame.toWorld(Vec3(-wo.x, -wo.y, wo.z))), h);
@@ -205,14 +248,14 @@ Vec3 UnoccludedLight::distant(const LitPoint& r, const Frame& frame, const Vec3&
     } else {
       BsdfSample b;
       const float lobe = u.next1D();
-      if (!bsdfSample(r.bsdf, wo, lobe, u.next2D(), b) || b.delta || b.pdf <= 0) continue;
+      if (!seen.view.sample(lobe, u.next2D(), b) || b.delta || b.pdf <= 0) continue;
       local = b.wi;
       wi = frame.toWorld(local);
       pl = light.pdf(wi);
     }
     if (!(pl > 0) || !arrives(r, wi)) continue;
     float density;
-    const Vec3 f = partOf(r.value(wo, local, density), lobes);
+    const Vec3 f = partOf(seen.value(local, density), lobes);
     sum += DVec3(f) / (nLight * pl + nBsdf * double(density));
   }
   return Vec3(sum / light.irradiance());

@@ -29,8 +29,12 @@ struct LitPoint {
     return value(wo, wi, pdf);
   }
   /// With the density of BSDF samples.
-  BsdfValue value(const Vec3& wo, const Vec3& wi, float& pdf) const {
-    BsdfValue all = bsdfEvalPdf(bsdf, wo, wi, pdf);
+  BsdfValue value(const Vec3& wo, const Vec3& wi, float& pdf) const { return dispersed(bsdfEvalPdf(bsdf, wo, wi, pdf), wo, wi); }
+  /// The same for who has a view of the material.
+  BsdfValue value(const BsdfView& view, const Vec3& wo, const Vec3& wi, float& pdf) const { return dispersed(view.evalPdf(wi, pdf), wo, wi); }
+
+ private:
+  BsdfValue dispersed(BsdfValue all, const Vec3& wo, const Vec3& wi) const {
     if (!(dispersion > 0.0f)) return all;
     BsdfParams p = bsdf;
     for (int c = 0; c < 3; ++c) {
@@ -48,7 +52,7 @@ class UnoccludedLight {
   /// `light`: its index in the scene, one of the sampler's subset, which may hold others. `samples`, `seed`: for what has no closed form.
   UnoccludedLight(const LightSampler& sampler, const LightShape& shape, int light, int samples, uint64_t seed)
       : sampler_(&sampler), shape_(shape), light_(light), samples_(samples), seed_(seed) {}
-  /// `element`: of the whole picture's view samples; decides the random numbers. The surface is not a delta one (bsdfIsDelta).
+  /// `element`: of the whole picture's view samples; decides the random numbers. 0 where the surface is a delta one (bsdfIsDelta).
   Vec3 at(const LitPoint& r, size_t element, LobePart lobe) const;
   /// Both lobes apart: at() of each.
   BsdfValue lobes(const LitPoint& r, size_t element) const;
@@ -56,8 +60,11 @@ class UnoccludedLight {
  private:
   bool closedForm(const LitPoint& r, LobePart lobe, Vec3& value) const;
   bool sunlit(const LitPoint& r, Vec3& value) const;
-  Vec3 sampled(const LitPoint& r, size_t element, LobePart lobe) const;
-  Vec3 distant(const LitPoint& r, const Frame& frame, const Vec3& wo, size_t element, LobePart lobes) const;
+  struct Seen;
+  Vec3 sampled(const Seen& seen, size_t element, LobePart lobe) const;
+  template <class Add>
+  void drawn(const Seen& seen, size_t element, const Add& add) const;
+  Vec3 distant(const Seen& seen, size_t element, LobePart lobes) const;
 
   const LightSampler* sampler_;
   LightShape shape_;

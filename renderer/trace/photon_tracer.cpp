@@ -106,7 +106,7 @@ struct CausticTracer::Impl {
   void photon(const Source& source, uint32_t index, uint32_t pass, std::vector<Photon>& out, uint64_t& rays) const;
   void sample(int x, int y, uint64_t seed, uint32_t index, const PhotonMap& map, double* out, uint64_t& rays) const;
   bool scatter(Walker& w, uint64_t key, uint64_t& rays) const;
-  void gather(const Walker& w, const Surface& s, const Frame& frame, const Vec3& wo, const PhotonMap& map, double* out) const;
+  void gather(const Walker& w, const Surface& s, const Frame& frame, const BsdfView& view, const PhotonMap& map, double* out) const;
 };
 
 CausticTracer::CausticTracer() : impl_(std::make_unique<Impl>()) {}
@@ -175,19 +175,19 @@ void CausticTracer::Impl::photon(const Source& source, uint32_t index, uint32_t 
       if (w.free > kMostFree) return;
       continue;
     }
-    const bool landed = !bsdfIsDelta(s.bsdf);
-    if (landed && (turned || (w.free > 0 && !straightSeen)) && w.events + 1 <= maxEvents) {
+    const Frame frame = s.frame();
+    const Vec3 wo = frame.toLocal(-w.direction);
+    const BsdfView view(s.bsdf, wo);
+    if (!view.isDelta() && (turned || (w.free > 0 && !straightSeen)) && w.events + 1 <= maxEvents) {
       const float left = source.emitter.window(length);
       if (left > 0.0f) out.push_back({s.p, -w.direction, s.Ng, w.throughput * left, source.group, w.events});
     }
     const bool mayPass = straightSeen && bendsAlike(*s.material);
     const bool last = w.events + 2 > maxEvents;  // nothing but straight on, then
     if (last && !(mayPass && s.material->transmissive)) return;
-    const Frame frame = s.frame();
-    const Vec3 wo = frame.toLocal(-w.direction);
     BsdfSample bs;
     const float lobe = draw.next1D();
-    if (!bsdfSample(s.bsdf, wo, lobe, draw.next2D(), bs) || !bs.delta) return;  // any other lobe ends the chain: the photon has landed
+    if (!view.sample(lobe, draw.next2D(), bs) || !bs.delta) return;  // any other lobe ends the chain: the photon has landed
     const Vec3 arrived = -w.direction;
     if (!w.leave(s, frame, bs)) return;
     // Of a folded direction the cosine before the fold counts. Folded photons follow the normal of their own direction, not the camera's: where
@@ -235,7 +235,7 @@ std::shared_ptr<const PhotonMap> CausticTracer::emitPass(uint32_t pass, const Ta
   return std::make_shared<const PhotonMap>(std::move(all), causticRadius(m.settings.radius, pass));
 }
 
-void CausticTracer::Impl::gather(const Walker& w, const Surface& s, const Frame& frame, const Vec3& wo, const PhotonMap& map, double* out) const {
+void CausticTracer::Impl::gather(const Walker& w, const Surface& s, const Frame& frame, const BsdfView& view, const PhotonMap& map, double* out) const {
   if (map.size() == 0) return;
   const double area = M_PI * double(map.radius()) * map.radius();
   const Vec3 facing = s.facing();
@@ -245,8 +245,9 @@ void CausticTracer::Impl::gather(const Walker& w, const Surface& s, const Frame&
     const float side = glm::dot(ph.toLight, facing), cosine = glm::dot(ph.toLight, s.n);
     if (!(cosine * side > 0.0f) || (cosine < 0.0f && !through)) return;  // as the path tracer treats light samples
     BsdfValue f;
+    float density;
     if (s.lambert) f.diffuse = s.bsdf.albedo * (kInvPi * cosine);
-    else f = bsdfEval(s.bsdf, wo, frame.toLocal(ph.toLight));
+    else f = view.evalPdf(frame.toLocal(ph.toLight), density);
     const Vec3 arriving = w.throughput * ph.flux, value = arriving * f.sum();
     const double scale = 1.0 / (area * std::fabs(double(side)));
     if (!settings.byLobe) {
@@ -321,16 +322,18 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
     if (w.boundary(s, index + hash64(seed, 0x64697370u) % 3)) continue;
     const Frame frame = s.frame();
     const Vec3 wo = frame.toLocal(-w.direction);
-    if (!bsdfIsDelta(s.bsdf)) gather(w, s, frame, wo, map, out);
+    const BsdfView view(s.bsdf, wo);
+    if (!view.isDelta()) gather(w, s, frame, view, map, out);
     BsdfSample bs;
     const float lobe = draw.next1D();
     const Vec2 u = draw.next2D();
     const float roulette = draw.next1D();
-    if (!bsdfSample(s.bsdf, wo, lobe, u, bs)) return;
+    if (!view.sample(lobe, u, bs)) return;
     if (settings.byLobe && w.events == 0) {
       w.specularPart = Vec3(bs.delta ? 1.0f : 0.0f);
       if (!bs.delta) {
-        const BsdfValue f = bsdfEval(s.bsdf, wo, bs.wi);
+        float density;
+        const BsdfValue f = view.evalPdf(bs.wi, density);
         const Vec3 all = f.sum();
         for (int c = 0; c < 3; ++c)
           if (all[c] > 0.0f) w.specularPart[c] = f.specular[c] / all[c];
