@@ -212,8 +212,9 @@ void UnoccludedLight::drawn(const Seen& seen, size_t element, const Add& add) co
   for (int k = 0; k < nBsdf; ++k) {
     SobolSampler u(hash64(seed, 1), uint32_t(k));
     BsdfSample b;
+    BsdfValue f;
     const float lobe = u.next1D();
-    if (!seen.view.sample(lobe, u.next2D(), b) || b.delta || b.pdf <= 0) continue;
+    if (!seen.view.sample(lobe, u.next2D(), b, f) || b.delta || b.pdf <= 0) continue;
     Ray ray;
     ray.origin = r.p;
     ray.direction = seen.frame.toWorld(b.wi);
@@ -222,7 +223,7 @@ void UnoccludedLight::drawn(const Seen& seen, size_t element, const Add& add) co
     Vec3 normal;
     if (!intersectAreaLight(shape, ray, t, normal)) continue;  // whatever other light is before it: lights block nothing
     const float pl = sampler_->pdf(light_, r.p, ray.direction, t, 0);
-    add(seen.value(b.wi), sampler_->emitted(light_, ray.direction, 0, 0, 0, normal), double(nLight * pl + nBsdf * b.pdf));
+    add(r.dispersed(f, seen.wo, b.wi), sampler_->emitted(light_, ray.direction, 0, 0, 0, normal), double(nLight * pl + nBsdf * b.pdf));
   }
 }
 
@@ -240,23 +241,24 @@ Vec3 UnoccludedLight::distant(const Seen& seen, size_t element, LobePart lobes) 
   DVec3 sum(0.0);
   for (int k = 0; k < samples; ++k) {
     SobolSampler u(seed, uint32_t(k));
-    Vec3 wi, local;
     double pl;
+    float density;
+    BsdfValue f;
     if (k < nLight) {
-      wi = light.sample(u.next2D(), pl);
-      local = frame.toLocal(wi);
+      const Vec3 wi = light.sample(u.next2D(), pl);
+      if (!(pl > 0) || !arrives(r, wi)) continue;
+      f = seen.value(frame.toLocal(wi), density);
     } else {
       BsdfSample b;
       const float lobe = u.next1D();
-      if (!seen.view.sample(lobe, u.next2D(), b) || b.delta || b.pdf <= 0) continue;
-      local = b.wi;
-      wi = frame.toWorld(local);
+      if (!seen.view.sample(lobe, u.next2D(), b, f) || b.delta || b.pdf <= 0) continue;
+      const Vec3 wi = frame.toWorld(b.wi);
       pl = light.pdf(wi);
+      if (!(pl > 0) || !arrives(r, wi)) continue;
+      f = r.dispersed(f, wo, b.wi);
+      density = b.pdf;
     }
-    if (!(pl > 0) || !arrives(r, wi)) continue;
-    float density;
-    const Vec3 f = partOf(seen.value(local, density), lobes);
-    sum += DVec3(f) / (nLight * pl + nBsdf * double(density));
+    sum += DVec3(partOf(f, lobes)) / (nLight * pl + nBsdf * double(density));
   }
   return Vec3(sum / light.irradiance());
 }

@@ -32,8 +32,7 @@ struct LitPoint {
   BsdfValue value(const Vec3& wo, const Vec3& wi, float& pdf) const { return dispersed(bsdfEvalPdf(bsdf, wo, wi, pdf), wo, wi); }
   /// The same for who has a view of the material.
   BsdfValue value(const BsdfView& view, const Vec3& wo, const Vec3& wi, float& pdf) const { return dispersed(view.evalPdf(wi, pdf), wo, wi); }
-
- private:
+  /// And for who has the value by one index.
   BsdfValue dispersed(BsdfValue all, const Vec3& wo, const Vec3& wi) const {
     if (!(dispersion > 0.0f)) return all;
     BsdfParams p = bsdf;

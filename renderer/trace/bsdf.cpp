@@ -101,12 +101,19 @@ BsdfValue BsdfView::evalPdf(const Vec3& wi, float& pdf) const {
 }
 
 bool BsdfView::sample(float uLobe, const Vec2& u, BsdfSample& out) const {
+  BsdfValue value;
+  return sample(uLobe, u, out, value);
+}
+
+bool BsdfView::sample(float uLobe, const Vec2& u, BsdfSample& out, BsdfValue& value) const {
   out = {};
+  value = {};
   if (!seen_) return false;
   if (lambert_) {
     out.wi = sampleCosine(u);
     out.weight = lambertAlbedo(p_);
     out.pdf = kInvPi * out.wi.z;
+    value.diffuse = out.weight * out.pdf;
     return out.wi.z > 0.0f && maxComponent(out.weight) > 0.0f;
   }
   const Look& look = this->look();
@@ -130,7 +137,6 @@ bool BsdfView::sample(float uLobe, const Vec2& u, BsdfSample& out) const {
     }
     if (!look.turn(out)) return false;
   }
-  BsdfValue value;
   look.evaluate(out.wi, value, out.pdf);
   out.weight = value.sum() / out.pdf;
   return out.pdf > 0.0f && isFinite(out.weight) && maxComponent(out.weight) > 0.0f;

@@ -92,6 +92,8 @@ class BsdfView {
   bool isDelta() const;
   BsdfValue evalPdf(const Vec3& wi, float& pdf) const;
   bool sample(float uLobe, const Vec2& u, BsdfSample& out) const;
+  /// With evalPdf's value of what is drawn, which was found on the way; 0 of a delta lobe.
+  bool sample(float uLobe, const Vec2& u, BsdfSample& out, BsdfValue& value) const;
 
  private:
   struct Look;  // bsdf.cpp

@@ -118,17 +118,16 @@ inline void PathChunk<Sink>::scatterAtSurfaces() {
     }
     BsdfSample bs;
     if (!goesOn || (event == 1 && delta && !m.wantIndirect)) continue;
-    if (!view.sample(lobe[i], Vec2(px[i], py[i]), bs)) continue;
+    BsdfValue drawn;
+    if (!view.sample(lobe[i], Vec2(px[i], py[i]), bs, drawn)) continue;
     if (event == 1) {
       if (bs.delta && !m.wantIndirect) continue;
       if (bs.delta) paths.firstDelta |= bit;
       if (lobes) {
         Vec3 part(1.0f);
         if (!bs.delta) {
-          float pdf;
-          const BsdfValue f = view.evalPdf(bs.wi, pdf);
-          const Vec3 all = f.sum();
-          for (int c = 0; c < 3; ++c) part[c] = all[c] > 0.0f ? f.specular[c] / all[c] : 0.0f;
+          const Vec3 all = drawn.sum();
+          for (int c = 0; c < 3; ++c) part[c] = all[c] > 0.0f ? drawn.specular[c] / all[c] : 0.0f;
         }
         paths.specularPart.set(i, part);
       }

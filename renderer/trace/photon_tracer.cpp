@@ -328,12 +328,11 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
     const float lobe = draw.next1D();
     const Vec2 u = draw.next2D();
     const float roulette = draw.next1D();
-    if (!view.sample(lobe, u, bs)) return;
+    BsdfValue f;
+    if (!view.sample(lobe, u, bs, f)) return;
     if (settings.byLobe && w.events == 0) {
       w.specularPart = Vec3(bs.delta ? 1.0f : 0.0f);
       if (!bs.delta) {
-        float density;
-        const BsdfValue f = view.evalPdf(bs.wi, density);
         const Vec3 all = f.sum();
         for (int c = 0; c < 3; ++c)
           if (all[c] > 0.0f) w.specularPart[c] = f.specular[c] / all[c];

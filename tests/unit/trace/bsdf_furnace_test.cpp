@@ -236,7 +236,7 @@ BsdfParams extremeMaterial(test::Rng& rng) {
 // One look that is asked twice, and after a sample, has the bits of a look for each question; and whether a material is a mirror is told in two ways.
 TEST(Bsdf, AViewAnswersAsOftenAsItIsAsked) {
   test::Rng rng(77);
-  size_t mirrors = 0, others = 0;
+  size_t mirrors = 0, others = 0, values = 0;
   for (int k = 0; k < 20000; ++k) {
     const BsdfParams p = k % 2 ? extremeMaterial(rng) : randomMaterial(rng);
     const auto direction = [&] { return localDirection(2.0 * rng.next() - 1.0, 6.28 * rng.next()); };
@@ -249,7 +249,8 @@ TEST(Bsdf, AViewAnswersAsOftenAsItIsAsked) {
     float pdfs[3], single;
     BsdfSample drawn, fresh;
     const BsdfValue first = view.evalPdf(wi, pdfs[0]);
-    const bool some = view.sample(uLobe, u, drawn);
+    BsdfValue value;
+    const bool some = view.sample(uLobe, u, drawn, value);
     view.evalPdf(other, pdfs[1]);
     const BsdfValue again = view.evalPdf(wi, pdfs[2]), alone = bsdfEvalPdf(p, wo, wi, single);
     ASSERT_EQ(some, bsdfSample(p, wo, uLobe, u, fresh)) << k;
@@ -258,9 +259,19 @@ TEST(Bsdf, AViewAnswersAsOftenAsItIsAsked) {
     ASSERT_EQ(pdfs[0], single) << k;
     ASSERT_TRUE(drawn.wi == fresh.wi && drawn.weight == fresh.weight && drawn.pdf == fresh.pdf && drawn.delta == fresh.delta) << k;
     if (!(wo.z > 0.0f)) { ASSERT_TRUE(!some && single == 0.0f) << k; }
+    if (!some) continue;
+    const BsdfValue there = view.evalPdf(drawn.wi, single);
+    if (drawn.delta) {
+      ASSERT_EQ(value.sum(), Vec3(0.0f)) << k;
+      continue;
+    }
+    ASSERT_TRUE(value.diffuse == there.diffuse && value.specular == there.specular) << k;
+    ASSERT_EQ(drawn.pdf, single) << k;
+    ++values;
   }
   EXPECT_GT(mirrors, 500u);
   EXPECT_GT(others, 5000u);
+  EXPECT_GT(values, 5000u);
 }
 
 }  // namespace
