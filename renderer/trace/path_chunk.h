@@ -50,8 +50,14 @@ struct PathChunk {
   bool nee = false;                   // lights are asked
   bool rouletteOn = false;
   bool goesOn = false;  // after the last event a ray can only find light
-  alignas(64) float ux[kLanes], uy[kLanes], px[kLanes], py[kLanes], vx[kLanes], vy[kLanes], vz[kLanes];
-  alignas(64) float choice[kLanes], lobe[kLanes], roulette[kLanes];
+  alignas(64) float numbers[6][kLanes];  // by draw: light, direction, choice
+  float* const ux = numbers[0];
+  float* const uy = numbers[1];
+  float* const px = numbers[2];
+  float* const py = numbers[3];
+  float* const choice = numbers[4];
+  float* const lobe = numbers[5];
+  alignas(64) float vx[kLanes], vy[kLanes], vz[kLanes], roulette[kLanes];
   RTCRay16 sr;  // at most one shadow ray a lane and event
   LaneSurface ls;
   lanes::LightLanes lamp;

@@ -59,7 +59,6 @@ struct PathTracer::Impl {
   PlainMeshLight plainLight;                            // the only light, if it is an untextured opaque mesh
   bool hasPlainLight = false;
   int plainLightIndex = -1;
-  bool drawsChoice = true;  // false: no event needs the number that picks lights or lobes
   bool hittable = false;    // some light can be reached by a ray
   bool wantEmission = true, wantDirect = true, wantIndirect = true;
   int slotCount = 1, perGroup = 1;

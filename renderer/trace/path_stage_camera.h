@@ -93,10 +93,9 @@ inline void PathChunk<Sink>::drawNumbers() {
   if (missed == RTC_INVALID_GEOMETRY_ID && !hasMedia) return;
   if (events < m.maxEvents || freePasses) {
     const uint32_t base = 1 + uint32_t(events) * kDrawsPerEvent;
-    if (nee) set.draw2D(base + kDrawLight, ux, uy);
-    set.draw2D(base + kDrawDirection, px, py);
+    static_assert(kDrawLight == 0 && kDrawDirection == 1 && kDrawChoice == 2);
+    set.draw3x2D(base, numbers);
     cosineDirections(px, py, vx, vy, vz);
-    if (m.drawsChoice) set.draw2D(base + kDrawChoice, choice, lobe);
     if (rouletteOn) set.draw1D(base + kDrawRoulette, roulette);
   }
 }

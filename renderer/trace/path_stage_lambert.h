@@ -30,7 +30,7 @@ inline void PathChunk<Sink>::askAtLambert(uint32_t asking) {
     for (uint32_t left = asking; left; left &= left - 1) {
       const int i = __builtin_ctz(left);
       const Vec3 p = ls.p.get(i);
-      const PlainMeshLight::Triangle& t = m.plainLight.pick(m.drawsChoice ? choice[i] : 0.0f, p, lamp.area[i]);
+      const PlainMeshLight::Triangle& t = m.plainLight.pick(choice[i], p, lamp.area[i]);
       if (nearTriangle(p, t.p, t.e1, t.e2)) {
         if (const SphericalTriangle near(p, t.p, t.e1, t.e2); near.valid()) {
           asking &= ~(1u << i);
@@ -65,7 +65,7 @@ inline void PathChunk<Sink>::askAtLambert(uint32_t asking) {
       const int i = __builtin_ctz(left);
       const Vec3 p = ls.p.get(i), n = ls.n.get(i);
       float select;
-      const int k = m.selector.sample(p, &n, m.drawsChoice ? choice[i] : 0.0f, select);
+      const int k = m.selector.sample(p, &n, choice[i], select);
       LightSample light;
       if (k < 0 || !m.sampler->sample(m.lights[k].light, p, Vec2(ux[i], uy[i]), light)) continue;
       ask(i, k, light, select);

@@ -147,7 +147,6 @@ bool PathTracer::Impl::prepareLights(const SceneView& view, const StopToken& sto
     plainLightIndex = only;
     hasPlainLight = plainLight.build(view, view.lightShape(subset[only]));
   }
-  drawsChoice = selector.count() > 1 || (hasPlainLight && plainLight.triangles.size() > 1) || !surfaces.allLambert();
   return true;
 }
 

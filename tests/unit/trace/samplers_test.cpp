@@ -29,6 +29,16 @@ void expectLanes(SamplerKind kind) {
         if (d % 3 == 2) set.draw1D(d, x[d]);
         else set.draw2D(d, x[d], y[d]);
       }
+      for (uint32_t d = 3; d < 9; ++d) {  // three at once: each has the numbers that it has alone
+        float at[6][kLanes];
+        set.draw3x2D(d, at);
+        for (uint32_t k = 0; k < 3; ++k) {
+          float alone[2][kLanes];
+          set.draw2D(d + k, alone[0], alone[1]);
+          for (int i = 0; i < kLanes; ++i)
+            ASSERT_EQ(Vec2(at[2 * k][i], at[2 * k + 1][i]), Vec2(alone[0][i], alone[1][i])) << "dimension " << d << " + " << k << " lane " << i;
+        }
+      }
       for (int i = 0; i < kLanes; ++i) {
         EXPECT_EQ(set.seed(i), seeds[i / each]);
         Sampler s(seeds[i / each], first + uint32_t(i % each));
