@@ -49,7 +49,7 @@ struct PathChunk {
   uint32_t shadowed = 0, next = 0;    // lanes that have a shadow ray; that go on
   bool nee = false;                   // lights are asked
   bool rouletteOn = false;
-  bool goesOn = false;  // after the last event a ray can only find light
+  bool goesOn = false;                   // after the last event a ray can only find light
   alignas(64) float numbers[6][kLanes];  // by draw: light, direction, choice
   float* const ux = numbers[0];
   float* const uy = numbers[1];

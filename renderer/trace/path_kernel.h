@@ -59,7 +59,7 @@ struct PathTracer::Impl {
   PlainMeshLight plainLight;                            // the only light, if it is an untextured opaque mesh
   bool hasPlainLight = false;
   int plainLightIndex = -1;
-  bool hittable = false;    // some light can be reached by a ray
+  bool hittable = false;  // some light can be reached by a ray
   bool wantEmission = true, wantDirect = true, wantIndirect = true;
   int slotCount = 1, perGroup = 1;
   int maxEvents = 9;                      // scattering events a path may have

@@ -76,11 +76,11 @@ GOBO_BY_PROCESSOR void sobolLanes1D(const uint64_t* sequences, bool one, const u
   } else {
     for (int i = 0; i < kLanes; ++i) hash[i] = hash64(sequences[i], dimension);
   }
-  for (int i = 0; i < kLanes; ++i)
-    out[i] = unit(reverseBits(laineKarras(reverseBits(laineKarras(reversed[i], uint32_t(hash[i] >> 32))), uint32_t(hash[i]))));
+  for (int i = 0; i < kLanes; ++i) out[i] = unit(reverseBits(laineKarras(reverseBits(laineKarras(reversed[i], uint32_t(hash[i] >> 32))), uint32_t(hash[i]))));
 }
 
-GOBO_BY_PROCESSOR void sobolLanes2D(const uint64_t* sequences, bool one, const uint32_t* reversed, uint32_t dimension, float* __restrict x, float* __restrict y) {
+GOBO_BY_PROCESSOR void sobolLanes2D(const uint64_t* sequences, bool one, const uint32_t* reversed, uint32_t dimension, float* __restrict x,
+                                    float* __restrict y) {
   if (one) points<OneScramble>(sequences, reversed, dimension, x, y);
   else points<LaneScrambles>(sequences, reversed, dimension, x, y);
 }
