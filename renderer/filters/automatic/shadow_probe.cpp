@@ -21,7 +21,8 @@ namespace {
 constexpr size_t kGrain = 8;       // pixels a task
 constexpr size_t kLookGrain = 64;  // the same of the first looks
 constexpr int kTruthSamples = 8;   // over a pixel, each half: both in one packet
-constexpr int kSequences = 3;      // soft shadows: of the ray counts, and two for the truth
+constexpr int kMostViewSamples = 16;
+constexpr int kSequences = 3;  // soft shadows: of the ray counts, and two for the truth
 
 class ShadowProbeNode final : public Node {
  public:
@@ -161,14 +162,14 @@ class ShadowProbeNode final : public Node {
                  std::span<float> outB, std::span<float> outLit, std::span<double> errors, uint64_t& rays) const {
     const size_t S = size_t(s_.viewSamples), first = p * S;
     const float x = float(pixel.x), y = float(pixel.y);
-    Ray view[16];
+    Ray view[kMostViewSamples];
     for (size_t s = 0; s < S; ++s) {
       const Vec2 offset = viewSamplePosition(int(s), s_.viewSamples);
       view[s] = eye.film.at(x + offset.x, y + offset.y);
     }
     look(scene, eye, view, int(S), at, first);
-    float sampleV[16];
-    bool sampleLit[16];
+    float sampleV[kMostViewSamples];
+    bool sampleLit[kMostViewSamples];
     open(scene, light, at, first, int(S), sampleV, sampleLit, rays);
     double v = 0, lit = 0;
     for (size_t s = 0; s < S; ++s)
@@ -179,6 +180,7 @@ class ShadowProbeNode final : public Node {
       }
     if (!(lit > 0)) return;
     constexpr int kBoth = 2 * kTruthSamples;
+    static_assert(kBoth <= kMostViewSamples);
     float P[3 * kBoth], N[3 * kBoth], Ng[3 * kBoth], V[kBoth];
     uint32_t instance[kBoth];
     bool can[kBoth];
@@ -226,7 +228,7 @@ class ShadowProbeNode final : public Node {
   bool judgeSoft(const SolidScene& scene, const LightPoints& light, const Eye& eye, PixelPlace pixel, const Surfaces& at, size_t p, std::span<float> outA,
                  std::span<float> outB, std::span<float> outLit, std::span<double> errors, uint64_t& rays) const {
     const size_t S = size_t(s_.viewSamples), first = p * S;
-    Ray view[16];
+    Ray view[kMostViewSamples];
     for (size_t s = 0; s < S; ++s) {
       const Vec2 offset = viewSamplePosition(int(s), s_.viewSamples);
       view[s] = eye.film.at(float(pixel.x) + offset.x, float(pixel.y) + offset.y);
@@ -287,7 +289,12 @@ double shadowProbeRays(const ShadowProbeSettings& s) {
   return 2.0 * looks + s.judged * each;
 }
 
-NodePtr makeShadowProbeNode(const ShadowProbeSettings& settings) { return std::make_shared<ShadowProbeNode>(settings); }
+NodePtr makeShadowProbeNode(const ShadowProbeSettings& settings) {
+  GOBO_CHECK_LT(0, settings.viewSamples);
+  GOBO_CHECK_LE(settings.viewSamples, kMostViewSamples);
+  GOBO_CHECK_LE(settings.rays.size(), size_t(kMostProbeRays));
+  return std::make_shared<ShadowProbeNode>(settings);
+}
 
 }  // namespace filters
 }  // namespace gobo

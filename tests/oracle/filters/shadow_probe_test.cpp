@@ -217,6 +217,18 @@ TEST(ShadowProbe, SoftErrorsAreThoseOfThePicture) {
 }
 
 // As many rays as the truth has: they are judged by other sequences than their own, else they would have no error at all.
+TEST(ShadowProbeDeathTest, SettingsBeyondItsPacketsAreRefused) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  ShadowProbeSettings s;
+  s.viewSamples = 17;
+  EXPECT_DEATH(makeShadowProbeNode(s), "viewSamples.*17 vs 16");
+  s.viewSamples = 0;
+  EXPECT_DEATH(makeShadowProbeNode(s), "viewSamples.*0 vs 0");
+  s.viewSamples = 16;
+  s.rays.assign(1000, 1);
+  EXPECT_DEATH(makeShadowProbeNode(s), "rays.size.*1000");
+}
+
 TEST(ShadowProbe, RaysAreNotTheirOwnTruth) {
   const ScenePtr scene = sceneOf({"fence", "key"});
   const Probed p = probed(scene, scene->findLight("key"), 1, {4, ShadowProbeSettings().truthRays}, 0);
