@@ -3,7 +3,7 @@
 #include "trace/sample_set.h"
 
 // A processor with AVX-512 does them in a third of the time. Not under sanitizers, whose runtime is not there yet when clones are chosen.
-#if defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(GOBO_THREAD_SANITIZER)
 #define GOBO_BY_PROCESSOR __attribute__((target_clones("arch=x86-64-v4", "default")))
 #else
 #define GOBO_BY_PROCESSOR
