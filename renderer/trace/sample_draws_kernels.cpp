@@ -2,7 +2,8 @@
 // The draws of Sobol points by lane. Integers and exact conversions only: every clone gives the same bits.
 #include "trace/sample_set.h"
 
-// A processor with AVX-512 does them in a third of the time. Not under sanitizers, whose runtime is not there yet when clones are chosen.
+// A clone for AVX-512, whose registers take all lanes and which multiplies 64 bits. Not under sanitizers, whose runtime is not there yet when clones are
+// chosen.
 #if defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(GOBO_THREAD_SANITIZER)
 #define GOBO_BY_PROCESSOR __attribute__((target_clones("arch=x86-64-v4", "default")))
 #else
@@ -55,7 +56,7 @@ GOBO_INLINE void points(const uint64_t* sequences, const uint32_t* reversed, uin
   for (int i = 0; i < kLanes; ++i) point(s, reversed, i, x, y);
 }
 
-// One chain of multiplications after the other would wait for each: three of them side by side take hardly longer than one.
+// Each point is a chain of multiplications that wait for each other; three chains side by side fill the time.
 template <class Scramble>
 GOBO_INLINE void threePoints(const uint64_t* sequences, const uint32_t* reversed, uint32_t dimension, float* __restrict out) {
   const Scramble a(sequences, dimension), b(sequences, dimension + 1), c(sequences, dimension + 2);

@@ -39,7 +39,7 @@ class SampleSet {
     if (kind_ == SamplerKind::Sobol) sobolLanes2D(seeds_, one_, reversed_, dimension, x, y);
     else drawOther2D(dimension, x, y);
   }
-  /// x and y of `dimension`, then of the two after it: in little more time than of one.
+  /// x and y of `dimension`, then of the two after it, side by side.
   void draw3x2D(uint32_t dimension, float (&out)[6][kLanes]) const {
     if (kind_ == SamplerKind::Sobol) return sobolLanes3x2D(seeds_, one_, reversed_, dimension, out[0]);
     for (int k = 0; k < 3; ++k) drawOther2D(dimension + uint32_t(k), out[2 * k], out[2 * k + 1]);

@@ -107,7 +107,6 @@ void SurfaceTable::build(const SceneView& view, const Accel& accel) {
     anyUnlit_ = anyUnlit_ || s.unlit;
     anyStraight_ = anyStraight_ || s.material->straight || (s.material->interior >= 0 && interiors_[size_t(s.material->interior)].scatters);
     s.plainLambert = s.world && !s.mirrored && !s.colours && s.material->lambert && !s.material->textured;
-    if (!s.material->lambert) allLambert_ = false;
     // Scaled to order 1, so that normals of scenes of any scale stay inside float's comfortable range when squared.
     float most = 0.0f;
     for (int c = 0; c < 3; ++c)

@@ -136,7 +136,6 @@ class SurfaceTable {
     const Vec3 n = (1.0f - u - v) * s.normals[tri[0]] + u * s.normals[tri[1]] + v * s.normals[tri[2]];
     return s.identity ? n : s.normalToWorld * n;
   }
-  bool allLambert() const { return allLambert_; }
   bool anyUnlit() const { return anyUnlit_; }
 
  private:
@@ -164,7 +163,7 @@ class SurfaceTable {
     if (glm::dot(m, facing) < 0.0f) m = -m;
     return glm::dot(m, d) < -1e-4f ? m : facing;
   }
-  bool allLambert_ = true, anyUnlit_ = false, anyStraight_ = false;
+  bool anyUnlit_ = false, anyStraight_ = false;
   std::vector<Interior> interiors_;
   std::vector<SurfaceInstance> instances_;
   std::vector<SurfaceMaterial> materials_;
