@@ -3,6 +3,7 @@
 
 #include "base/check.h"
 #include "terms/dropped_samples.h"
+#include "terms/light_list.h"
 #include "terms/surface.h"
 #include "terms/surface_reader.h"
 #include "terms/unoccluded_light.h"
@@ -17,8 +18,8 @@ class DirectUnoccludedNode final : public Node {
   explicit DirectUnoccludedNode(const DirectUnoccludedSettings& s) : s_(s) {}
   std::string type() const override { return "direct_unoccluded"; }
   // 2: every lobe; 3: bilinear environments; 4: specular light below the surface is mirrored back; 5: highlights of squares; 6: facing triangles;
-  // 7: diffuse lobes of suns by quadrature, balls cut by the horizon exactly
-  int version() const override { return 7; }
+  // 7: diffuse lobes of suns by quadrature, balls cut by the horizon exactly; 8: lights of some size over gloss by quadrature, disks exactly
+  int version() const override { return 8; }
   NodeTraits traits() const override {
     NodeTraits t;
     // Geometry and emission are read by mesh lights only, whose digest is part of LightShape (scene.h).
@@ -42,14 +43,18 @@ class DirectUnoccludedNode final : public Node {
     return w.gives({type(), Domain::ViewSample, view, {unsetPlane<float>("L", 3), mayDrop()}});
   }
   Cost cost(const TermShape&, uint32_t) const override {
-    return {0.0, kReceiving * double(s_.view.width) * s_.view.height * s_.view.viewSamples * (20.0 + 15.0 * s_.samples)};
+    return {0.0, kReceiving * double(s_.view.width) * s_.view.height * s_.view.viewSamples * (20.0 + (s_.ruled ? 6.0 : 15.0) * s_.samples)};
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term &g = *ctx.inputs[0], &surface = *ctx.inputs[1];
     const auto sampler = LightSampler::build(*ctx.scene, ctx.stop);
     if (!sampler) return Status(Code::Cancelled, "stopped");
-    const UnoccludedLight light(*sampler, ctx.scene->lightShape(s_.light), s_.light, s_.samples, s_.seed);
+    const LightShape& shape = ctx.scene->lightShape(s_.light);
+    const UnoccludedLight light(*sampler, shape, s_.light, s_.samples, s_.seed);
+    const SceneLight listed{s_.light, Vec3(1.0f)};
+    const LightList list(*ctx.scene, *sampler, {&listed, 1}, s_.samples, s_.seed);
+    const bool wide = LightList::hasRules(shape);
     const auto instance = g.plane<uint32_t>("instance");
     const auto P = g.floats("P"), Ng = g.floats("Ng"), N = surface.floats("N"), albedo = surface.floats("albedo"), material = surface.floats("material");
     const auto flags = surface.plane<uint8_t>("flags");
@@ -66,6 +71,7 @@ class DirectUnoccludedNode final : public Node {
     const bool complete = ctx.arena->parallelFor(
         instance.size(), 1 << 11,
         [&](size_t begin, size_t end) {
+          LightList::Values values;
           for (size_t i = begin; i < end; ++i) {
             for (int c = 0; c < 3; ++c) L[3 * i + c] = 0.0f;
             if (instance[i] == ~0u || (flags[i] & kSurfaceUnlit)) continue;
@@ -93,7 +99,7 @@ class DirectUnoccludedNode final : public Node {
               r.bsdf.entering = (flags[i] & kSurfaceEntering) != 0;
               if (!r.lambert() && r.n != r.ng) r.bsdf.facing = r.frame().toLocal(r.ng);
             }
-            const Vec3 value = light.at(r, film(i), s_.lobe) * s_.nominal;
+            const Vec3 value = (wide && !r.lambert() ? partOf(list.only(r, film(i), values), s_.lobe) : light.at(r, film(i), s_.lobe)) * s_.nominal;
             if (!isFinite(value)) {
               dropped.add(i, 1);
               continue;

@@ -6,8 +6,9 @@
 // is narrower than the light would show one blinding point of it (by light and BSDF samples). A sun of some angular size reaches every lobe
 // from all of its disk.
 // Inputs: G-buffer, surface. Lambert surfaces have a closed form for point, spot, directional, rectangle (polygon form
-// factor, Lambert 1760) and sphere lights and suns, and diffuse lobes below an interface a quadrature for suns; everything else is the mean over `samples`
-// Owen-scrambled points (16 times as many where a light of some angular size at infinity lies in the highlight of a narrow lobe).
+// factor, Lambert 1760), disk and sphere lights and suns; gloss under suns, balls, disks and rectangles has quadrature where terms/light_list.h bounds its
+// error; everything else is the mean over `samples` Owen-scrambled points (16 times as many where a light of some angular size at infinity lies in the
+// highlight of a narrow lobe).
 #pragma once
 
 #include "terms/gbuffer.h"
@@ -26,12 +27,16 @@ struct DirectUnoccludedSettings {
   uint64_t seed = 0;
   bool extended = false;  ///< the scene has materials with more lobes than the surface term's planes hold: those are read again
   LobePart lobe = LobePart::Both;
+  bool ruled = false;  ///< the light has rules of terms/light_list.h: to estimate time, not a part of the key
 };
 NodePtr makeDirectUnoccludedNode(const DirectUnoccludedSettings& settings);
 
 /// Irradiance factor of a rectangle at p with normal n: integral of max(cos,0) d(omega) over the part of the rectangle above
 /// the horizon, divided by pi (so that Lambert radiance = albedo * radiance * factor). In [0,1].
 double rectFormFactor(const DVec3& p, const DVec3& n, const DVec3& corner, const DVec3& edgeU, const DVec3& edgeV);
+/// The same of a disk that lies above the receiver's horizon, all of it, and faces it. Exact (Naraghi 1988: the irradiance vector of a disk has a closed
+/// form). axis: its unit normal, on the receiver's side.
+double diskFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, const DVec3& axis, double radius);
 /// The same of what a ball covers of the sky, up to 90 degrees: sine of its half angle, > 0; cosine of its centre to the normal.
 double capFormFactor(double cosine, double sine);
 /// The same for a sphere; -1 when p is inside.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Closed forms of irradiance: rectangle (Lambert's polygon formula) and ball, both clipped by the horizon. In double: the sum of
+// Closed forms of irradiance: rectangle (Lambert's polygon formula) and ball, both clipped by the horizon, and disk. In double: the sum of
 // edge terms cancels for far lights.
 #include <algorithm>
 #include <array>
@@ -34,6 +34,17 @@ double rectFormFactor(const DVec3& p, const DVec3& n, const DVec3& corner, const
     sum += std::atan2(s, glm::dot(a, b)) * glm::dot(c, n) / s;
   }
   return std::fabs(sum) / (2.0 * 3.14159265358979323846);
+}
+
+double diskFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, const DVec3& axis, double radius) {
+  const DVec3 d = centre - p;
+  const double h = -glm::dot(d, axis), r2 = radius * radius;
+  if (!(h > 0)) return 0.0;
+  const DVec3 aside = d + h * axis;
+  const double a2 = glm::dot(aside, aside), a = std::sqrt(a2), z = h * h + a2 + r2, root = std::sqrt(std::max(z * z - 4.0 * a2 * r2, 1e-300));
+  const double along = 0.5 * (1.0 - (h * h + a2 - r2) / root);
+  const double across = a > 1e-9 * h ? 0.5 * h / a * (z / root - 1.0) : 0.0;
+  return std::max(-glm::dot(n, axis) * along + (a > 0 ? glm::dot(n, aside) / a : 0.0) * across, 0.0);
 }
 
 double capFormFactor(double cosine, double sine) {

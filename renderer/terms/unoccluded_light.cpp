@@ -12,8 +12,6 @@ inline namespace terms {
 
 namespace {
 
-Vec3 partOf(const BsdfValue& f, LobePart lobe) { return lobe == LobePart::Both ? f.sum() : lobe == LobePart::Diffuse ? f.diffuse : f.specular; }
-
 /// The part of the light above the surface is the same by both normals. above: cosine of the light's centre to the geometric one; sine: of its half angle.
 bool sameHorizon(const LitPoint& r, double above, double sine) { return r.n == r.ng || above >= sine; }
 
@@ -90,7 +88,6 @@ BsdfValue UnoccludedLight::lobes(const LitPoint& r, size_t element) const {
   return out;
 }
 
-/// Exact for Lambert receivers of rectangles and spheres whose visible part is the same by both normals.
 bool UnoccludedLight::closedForm(const LitPoint& r, LobePart lobe, Vec3& value) const {
   const LightShape& s = shape_;
   if (!r.lambert()) return false;
@@ -109,6 +106,16 @@ bool UnoccludedLight::closedForm(const LitPoint& r, LobePart lobe, Vec3& value) 
       for (int k = 0; k < 4; ++k)
         if (glm::dot(corner + u * double(2 * (k & 1)) + v * double(k & 2) - p, DVec3(r.ng)) <= 0) return false;
     value = r.bsdf.albedo * float(rectFormFactor(p, n, corner, 2.0 * u, 2.0 * v));
+    return true;
+  }
+  if (s.kind == LightKind::Disk) {
+    const DVec3 axis(s.axis), d = DVec3(s.position) - p;
+    const auto whole = [&](const DVec3& normal) {
+      const double along = glm::dot(normal, axis);
+      return glm::dot(d, normal) >= double(s.radius) * std::sqrt(std::max(1.0 - along * along, 0.0));
+    };
+    if (!whole(n) || !whole(DVec3(r.ng))) return false;
+    value = r.bsdf.albedo * float(diskFormFactor(p, n, DVec3(s.position), s.twoSided && glm::dot(d, axis) > 0 ? -axis : axis, double(s.radius)));
     return true;
   }
   if (s.kind == LightKind::Sphere) {

@@ -46,6 +46,8 @@ struct LitPoint {
   }
 };
 
+inline Vec3 partOf(const BsdfValue& f, LobePart lobe) { return lobe == LobePart::Both ? f.sum() : lobe == LobePart::Diffuse ? f.diffuse : f.specular; }
+
 class UnoccludedLight {
  public:
   /// `light`: its index in the scene, one of the sampler's subset, which may hold others. `samples`, `seed`: for what has no closed form.
@@ -55,9 +57,11 @@ class UnoccludedLight {
   Vec3 at(const LitPoint& r, size_t element, LobePart lobe) const;
   /// Both lobes apart: at() of each.
   BsdfValue lobes(const LitPoint& r, size_t element) const;
+  /// The same, exactly, for Lambert receivers of rectangles and balls whose visible part is the same by both normals, and of disks above both horizons.
+  /// False: it is none of these.
+  bool closedForm(const LitPoint& r, LobePart lobe, Vec3& value) const;
 
  private:
-  bool closedForm(const LitPoint& r, LobePart lobe, Vec3& value) const;
   bool sunlit(const LitPoint& r, Vec3& value) const;
   struct Seen;
   Vec3 sampled(const Seen& seen, size_t element, LobePart lobe) const;

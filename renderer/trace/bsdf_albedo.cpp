@@ -57,6 +57,16 @@ ReflectionAlbedo::Value ReflectionAlbedo::at(float mu) const {
   return {deficit, clamp01(extra + w2 * w2 * w * (1.0f - deficit))};
 }
 
+void ReflectionAlbedo::nodes(float* deficit, float* extra) const {
+  static_assert(kNodes == kMu);
+  const float* a = kReflection.data() + 2 * (row_ * kMu);
+  const float* b = a + 2 * kMu;
+  for (int k = 0; k < kNodes; ++k) {
+    deficit[k] = mix(a[2 * k], b[2 * k], f_);
+    extra[k] = mix(a[2 * k + 1], b[2 * k + 1], f_);
+  }
+}
+
 GlassAlbedo::GlassAlbedo(float alpha, float ior) : s_(kStretch * alpha) {
   const float r = std::sqrt(alpha), x = maxOf(ior - 1.0f, 0.0f) / (ior + 1.0f);
   const int k = cell(std::sqrt(x / kLargest), kGlassIors, fIor_), row = cell(r, kGlassRows, fRow_);

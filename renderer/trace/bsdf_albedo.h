@@ -25,6 +25,10 @@ class ReflectionAlbedo {
     float deficit = 0, schlick = 0;
   };
   Value at(float mu) const;
+  /// The table's nodes at this roughness, for who looks at many cosines: deficit, and what schlick is above (1 - mu)^5 (1 - deficit) before it is clamped to
+  /// 0..1. Node k is t = k / (kNodes - 1).
+  static constexpr int kNodes = 32;
+  void nodes(float* deficit, float* extra) const;
   float deficitMean = 0, schlickMean = 1.0f / 21.0f;
 
  private:

@@ -10,6 +10,7 @@
 #include <cstddef>
 
 #include "trace/bsdf.h"
+#include "trace/bsdf_albedo.h"
 
 namespace gobo {
 inline namespace trace {
@@ -37,11 +38,12 @@ class BsdfLook {
   void at(const Directions& in, size_t count, Lobes& out) const;
   /// Only Lobes::diffuse is written.
   bool lambert() const { return lambert_; }
+  float alpha2() const { return alpha2_; }  ///< of the glossy lobe; 1 without one
 
   Vec3 albedo{0.0f}, facets{0.0f}, grazing{0.0f}, bounced{0.0f};
 
  private:
-  static constexpr int kNodes = 32;
+  static constexpr int kNodes = ReflectionAlbedo::kNodes;
   Vec3 wo_, facing_;
   bool lambert_, tilted_, dark_ = false;
   float alpha2_ = 1, oz_ = 1, root_ = 1;                         // of the viewer: cosine, masking

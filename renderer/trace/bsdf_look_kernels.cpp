@@ -74,12 +74,7 @@ BsdfLook::BsdfLook(const BsdfParams& p, const Vec3& wo)
   facets = mixed(base.metal, base.albedo, base.opaque, base.f0);
   grazing = mixed(base.metal, Vec3(1.0f) - base.albedo, base.opaque, Vec3(base.f90) - base.f0);
   bounced = base.msUp;
-  for (int k = 0; k < kNodes; ++k) {
-    const float t = float(k) / float(kNodes - 1), mu = t * t * stretch_ / (1.0f + stretch_ - t * t), w = clamp01(1.0f - mu);
-    const ReflectionAlbedo::Value v = base.table.at(mu);
-    deficit_[k] = v.deficit;
-    extra_[k] = v.schlick - pow5(w) * (1.0f - v.deficit);
-  }
+  base.table.nodes(deficit_, extra_);
 }
 
 void BsdfLook::at(const Directions& in, size_t count, Lobes& out) const {

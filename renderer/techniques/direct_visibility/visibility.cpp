@@ -11,6 +11,7 @@
 #include "filters/stylised/style.h"
 #include "filters/tinted_visibility.h"
 #include "request/expressions.h"
+#include "terms/light_list.h"
 
 namespace gobo {
 inline namespace techniques {
@@ -186,6 +187,7 @@ NodeId planUnoccluded(PlanContext& c, int light, const ScenePtr& scene, const Ve
   const bool square = shape.kind == LightKind::Directional && shape.skyRectangle != Vec2(0.0f);
   s.samples = square ? kSquareSamples : delta ? 1 : kUnoccludedSamples;
   s.seed = delta ? 0 : c.request().seed();
+  s.ruled = LightList::hasRules(shape);
   s.extended = c.kinds().extended;
   return c.source(makeDirectUnoccludedNode(s), {c.gbuffer(), c.surface()}, {light}, withLobe("unoccluded:" + scene->lights[size_t(light)].name, lobe), scene,
                   transient);

@@ -6,19 +6,15 @@
 #include <vector>
 
 #include "techniques/subtractive/receiver.h"
+#include "terms/light_list.h"
 
 namespace gobo::subtractive {
 
-struct SceneLight {
-  int light = 0;  ///< index into the scene's lights; the node's subset holds all of them
-  Vec3 power{1.0f};
-};
-
 struct SceneLightsSettings {
   GBufferSettings view;
-  std::vector<SceneLight> lights;
-  int samples = 32;   ///< a light and view sample, where unshadowed light has neither closed form nor rule (light_list.h)
-  uint64_t seed = 0;  ///< nothing depends on it where all of them are points and directions
+  std::vector<SceneLight> lights;  ///< the node's subset holds all of them
+  int samples = 32;                ///< a light and view sample, where unshadowed light has neither closed form nor rule (terms/light_list.h)
+  uint64_t seed = 0;               ///< nothing depends on it where all of them are points and directions
 };
 
 /// Term "unshadowed_lights", domain ViewSample: "diffuse", "specular" f32x3, radiance, >= 0: the sum over the lights of what "direct_unoccluded" has of each

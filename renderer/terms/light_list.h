@@ -2,17 +2,22 @@
 // LightList: the unshadowed light of many lights at one point, light by light, in one pass over arrays of them with one look at the material. What
 // terms/unoccluded_light.h gives for each, by cheaper ways where these are as good:
 //   points, spots, directions      the same to rounding (those with an emission profile: that code itself)
-//   balls, suns                    over Lambert surfaces as a point, which is exact where all of it is above the horizon; over gloss by kOne, kSeven, kMany
+//   balls, suns                    over Lambert surfaces as a point, which is exact where all of it is above the horizon; over gloss by the rules below
 //   disks, rectangles              by these rules; over Lambert surfaces nearby by their closed forms where all of it is above the horizon
-//   the rest of them               terms/unoccluded_light.h with `samples` samples: mesh lights, rectangles at infinity, what a horizon cuts, what is larger
-//                                  than the lobe, materials that trace/bsdf_look.h does not cover
+//   the rest of them               terms/unoccluded_light.h with `samples` samples: mesh lights, rectangles at infinity, what is far larger than the lobe,
+//                                  materials that trace/bsdf_look.h does not cover
 // The rules go by X = sin^2 a (sharpness + 1 / cos^2 + 4): a the half angle that the light is seen under (patches: half diagonal by distance, and 1 / cos^2 of
 // their own cosine added), sharpness that of the lobe at its centre (bsdf_look.h), cos that of its centre. To second order the relative error of the mean
 // over a light by its centre is the lobe's curvature over it, for GGX no more than (24 + 4) / 8 of (a / 2 c s)^2, that is 0.9 X; with what else varies 1.5 X.
 //   kOne    X <= 0.001   one direction, to the centre
-//   kSeven  X <= 0.01    7 points of a disk, exact to the fifth degree (Stroud 1971, S2 5-1); rectangles: 16 of Gauss and Legendre
-//   kMany   X <= 0.06    24: 3 of Gauss and Legendre in the squared radius by 8 angles
-// Error of each lobe of each light, and so of their sum (all are >= 0): 0.2 % at most where no samples are drawn (0.1 % measured over random materials).
+//   kSeven  X <= 0.03    7 points of a disk, exact to the fifth degree (Stroud 1971, S2 5-1); rectangles: 16 of Gauss and Legendre
+//   kMany   X <= 0.3     24: 3 of Gauss and Legendre in the squared radius by 8 angles; rectangles: the 16
+// Beyond, over gloss, by Y: the same with the lobe at its sharpest anywhere within the light.
+//   kDense  Y <= 10, 60, 600   64, 256, 1024 points (4, 8, 16 radii by 16, 32, 64 angles; squares of 8, 16, 32)
+//   kCut    Y <= 300 without 1 / cos^2: what the horizon cuts or touches, by 256 points (Y <= 10) and 1024; a patch that is nearer than its half diagonal or
+//           seen on edge, and light that folds at a tilted triangle's plane (bsdf.h) or is cut by it, by 1024
+// Error of each lobe of each light, and so of their sum (all are >= 0), where no samples are drawn: 0.2 % at most up to kMany, 1 % by kDense (0.01 % measured
+// over random materials; of 32 samples 6 % RMS); where something is cut 0.5 % RMS (0.11 %; 9 %), more for a sliver above a horizon.
 // Immutable; any thread. Cost: 2 ns a light over Lambert, 6 over gloss, 60 and 150 for lights of some size that take 7 and 24 points.
 #pragma once
 
@@ -23,9 +28,13 @@
 #include "terms/unoccluded_light.h"
 #include "trace/bsdf_look.h"
 
-namespace gobo::subtractive {
+namespace gobo {
+inline namespace terms {
 
-struct SceneLight;
+struct SceneLight {
+  int light = 0;  ///< index into the scene's lights
+  Vec3 power{1.0f};
+};
 
 class LightList {
  public:
@@ -44,6 +53,10 @@ class LightList {
   };
   /// `element`: of the whole picture's view samples; decides random numbers where there are any.
   void at(const LitPoint& point, size_t element, Values& out) const;
+  /// The same of the only light. `values`: the caller's, to be used again.
+  BsdfValue only(const LitPoint& point, size_t element, Values& values) const;
+  /// Whether there is anything cheaper for such a light, and more than rounding between it and terms/unoccluded_light.h.
+  static bool hasRules(const LightShape& shape);
 
   /// The `most` lights that give most (luminance of both lobes), and the light of all others in sum. Buffers are used again.
   struct Choice {
@@ -61,16 +74,19 @@ class LightList {
 
   /// How lights of some size were found, for tests and benches: all of at() but the values.
   struct Ways {
-    size_t one = 0, seven = 0, many = 0, closed = 0, sampled = 0;
+    size_t one = 0, seven = 0, many = 0, dense = 0, closed = 0, sampled = 0;
   };
   Ways ways(const LitPoint& point, size_t element) const;
 
-  static constexpr float kOne = 1e-3f, kSeven = 0.01f, kMany = 0.06f;
+  static constexpr float kOne = 1e-3f, kSeven = 0.03f, kMany = 0.3f;
+  static constexpr double kDense[3] = {10, 60, 600}, kCut = 300;
 
  private:
   enum Kind { Points, Directions, Caps, Patches, Others, Kinds };
+  static Kind kindOf(const LightShape& shape);
   struct Point;
   void block(const Point& at, Kind kind, size_t begin, size_t count, Values& out, Ways& ways) const;
+  size_t dense(const Point& at, Kind kind, size_t place) const;
   void larger(const Point& at, Kind kind, size_t place, float x, Values& out, Ways& ways) const;
   void sampled(const Point& at, size_t place, Values& out) const;
   void run(const LitPoint& point, size_t element, Values& out, Ways& ways) const;
@@ -88,8 +104,5 @@ class LightList {
   std::vector<float> far_;                 ///< 1: at infinity
 };
 
-/// Irradiance factor (as terms/direct_unoccluded.h has them) of a disk that lies above the receiver's horizon, all of it, and faces it. Exact, in double
-/// (Naraghi 1988: the irradiance vector of a disk has a closed form). axis: its unit normal, on the receiver's side.
-double diskFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, const DVec3& axis, double radius);
-
-}  // namespace gobo::subtractive
+}  // namespace terms
+}  // namespace gobo

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "techniques/subtractive/light_list.h"
+#include "terms/light_list.h"
 
 #include <immintrin.h>
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
 #include <functional>
 #include <numbers>
 
-#include "techniques/subtractive/scene_lights.h"
+#include "base/check.h"
 
-namespace gobo::subtractive {
+namespace gobo {
+inline namespace terms {
 
 namespace {
 
@@ -37,76 +37,95 @@ inline Lane3x load3(const std::vector<float>* v, size_t at) {
 /// As trace/light_sampling.cpp.
 constexpr float kNearest2 = 1e-12f;
 
-/// Weights of points that stand for a unit disk, or for the square +-1.
+/// Weights of points that stand for a unit disk, or for the square +-1; to the next multiple of 8 points without weight.
 struct QuadratureRule {
-  size_t count = 0;
-  std::array<Vec2, 24> at{};
-  std::array<double, 24> weight{};
+  std::vector<float> x, y, r2, weight;  ///< r2: squared radius
+  size_t count() const { return x.size(); }
+  void add(double u, double v, double w) {
+    x.push_back(float(u));
+    y.push_back(float(v));
+    r2.push_back(float(u * u + v * v));
+    weight.push_back(float(w));
+  }
+  void fill() {
+    while (x.size() % kLane) add(0, 0, 0);
+  }
 };
+
+/// Of Gauss and Legendre on -1..1, weights that sum to 1: roots of the n-th Legendre polynomial by Newton's method.
+std::vector<std::pair<double, double>> gaussLegendre(int n) {
+  std::vector<std::pair<double, double>> out;
+  for (int k = 0; k < n; ++k) {
+    double x = std::cos(std::numbers::pi * (n - k - 0.25) / (n + 0.5)), slope = 1;
+    for (int step = 0; step < 8; ++step) {
+      double p = x, before = 1;
+      for (int m = 2; m <= n; ++m) {
+        const double next = ((2.0 * m - 1.0) * x * p - (m - 1.0) * before) / m;
+        before = p;
+        p = next;
+      }
+      slope = n * (x * p - before) / (x * x - 1.0);
+      x -= p / slope;
+    }
+    out.emplace_back(x, 1.0 / ((1.0 - x * x) * slope * slope));
+  }
+  return out;
+}
 
 QuadratureRule sevenOfADisk() {
   QuadratureRule r;
-  r.at[0] = Vec2(0.0f);
-  r.weight[0] = 0.25;
+  r.add(0, 0, 0.25);
   for (int k = 0; k < 6; ++k) {
     const double phi = std::numbers::pi * k / 3.0, radius = std::sqrt(2.0 / 3.0);
-    r.at[size_t(k) + 1] = Vec2(float(radius * std::cos(phi)), float(radius * std::sin(phi)));
-    r.weight[size_t(k) + 1] = 0.125;
+    r.add(radius * std::cos(phi), radius * std::sin(phi), 0.125);
   }
-  r.count = 7;
+  r.fill();
   return r;
 }
 
-QuadratureRule manyOfADisk() {
+QuadratureRule ofADisk(int rings, int spokes) {
   QuadratureRule r;
-  const double node[3] = {0.5 - 0.5 * std::sqrt(0.6), 0.5, 0.5 + 0.5 * std::sqrt(0.6)}, weight[3] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
-  for (int ring = 0; ring < 3; ++ring)
-    for (int k = 0; k < 8; ++k) {
-      const double phi = 2.0 * std::numbers::pi * (k + 0.5 * (ring % 2)) / 8.0, radius = std::sqrt(node[ring]);
-      r.at[r.count] = Vec2(float(radius * std::cos(phi)), float(radius * std::sin(phi)));
-      r.weight[r.count++] = weight[ring] / 8.0;
+  const auto nodes = gaussLegendre(rings);
+  for (int ring = 0; ring < rings; ++ring)
+    for (int k = 0; k < spokes; ++k) {
+      const double phi = 2.0 * std::numbers::pi * (k + 0.5 * (ring % 2)) / spokes, radius = std::sqrt(0.5 + 0.5 * nodes[size_t(ring)].first);
+      r.add(radius * std::cos(phi), radius * std::sin(phi), nodes[size_t(ring)].second / spokes);
     }
   return r;
 }
 
-QuadratureRule sixteenOfASquare() {
+QuadratureRule ofASquare(int n) {
   QuadratureRule r;
-  const double inner = std::sqrt(3.0 / 7.0 - 2.0 / 7.0 * std::sqrt(1.2)), outer = std::sqrt(3.0 / 7.0 + 2.0 / 7.0 * std::sqrt(1.2));
-  const double node[4] = {-outer, -inner, inner, outer}, wi = (18.0 + std::sqrt(30.0)) / 72.0, wo = (18.0 - std::sqrt(30.0)) / 72.0,
-               weight[4] = {wo, wi, wi, wo};
-  for (int u = 0; u < 4; ++u)
-    for (int v = 0; v < 4; ++v) {
-      r.at[r.count] = Vec2(float(node[u]), float(node[v]));
-      r.weight[r.count++] = weight[u] * weight[v];
-    }
+  const auto nodes = gaussLegendre(n);
+  for (const auto& [x, wx] : nodes)
+    for (const auto& [y, wy] : nodes) r.add(x, y, wx * wy);
   return r;
 }
 
-const QuadratureRule& sevenPoints() {
-  static const QuadratureRule rule = sevenOfADisk();
-  return rule;
+enum RuleSize : size_t { Seven, Many, Points64, Points256, Points1024, NoRule };
+const QuadratureRule& ruleOf(bool square, RuleSize size) {
+  static const QuadratureRule disks[] = {sevenOfADisk(), ofADisk(3, 8), ofADisk(4, 16), ofADisk(8, 32), ofADisk(16, 64)};
+  static const QuadratureRule squares[] = {ofASquare(4), ofASquare(4), ofASquare(8), ofASquare(16), ofASquare(32)};
+  return square ? squares[size] : disks[size];
 }
-const QuadratureRule& manyPoints() {
-  static const QuadratureRule rule = manyOfADisk();
-  return rule;
-}
-const QuadratureRule& squarePoints() {
-  static const QuadratureRule rule = sixteenOfASquare();
-  return rule;
+
+/// A light of some size as it is seen: half angle by its sine (patches: half diagonal by distance, may be over 1), cosines of its centre to both normals and
+/// of a patch's own axis to the point.
+struct SeenSize {
+  double sine, up, above, turned;
+  bool patch;
+};
+
+/// Y of the header, without the horizons' part: the lobe at its sharpest within the light.
+double worstOf(const SeenSize& l, const Vec3& towards, const Vec3& wo, double alpha2) {
+  const Vec3 middle = towards + wo;  // twice the half vector times the cosine between both
+  const double length = std::max(double(glm::length(middle)), 1e-9), c = std::max(0.5 * length - 0.5 * l.sine, 1e-9);
+  const double sine = std::sqrt(double(middle.x) * middle.x + double(middle.y) * middle.y) / length;
+  const double least = std::max(sine - 0.5 * l.sine / c, 0.0);  // of the half vector, which turns by no more than 1 / 2c of what the light spans
+  return l.sine * l.sine * (1.0 / (c * c * (least * least + alpha2)) + 4.0 + (l.patch ? 1.0 / std::max(l.turned * l.turned, 1e-30) : 0.0));
 }
 
 }  // namespace
-
-double diskFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, const DVec3& axis, double radius) {
-  const DVec3 d = centre - p;
-  const double h = -glm::dot(d, axis), r2 = radius * radius;
-  if (!(h > 0)) return 0.0;
-  const DVec3 aside = d + h * axis;
-  const double a2 = glm::dot(aside, aside), a = std::sqrt(a2), z = h * h + a2 + r2, root = std::sqrt(std::max(z * z - 4.0 * a2 * r2, 1e-300));
-  const double along = 0.5 * (1.0 - (h * h + a2 - r2) / root);
-  const double across = a > 1e-9 * h ? 0.5 * h / a * (z / root - 1.0) : 0.0;
-  return std::max(-glm::dot(n, axis) * along + (a > 0 ? glm::dot(n, aside) / a : 0.0) * across, 0.0);
-}
 
 /// A point, with one look at its material.
 struct LightList::Point {
@@ -115,9 +134,27 @@ struct LightList::Point {
   Frame frame;
   Vec3 wo;
   BsdfLook look;
-  bool flat;  // one normal for both horizons
-  Point(const LitPoint& p, size_t e) : lit(p), element(e), frame(p.frame()), wo(frame.toLocal(p.wo)), look(p.bsdf, wo), flat(p.n == p.ng) {}
+  Point(const LitPoint& p, size_t e) : lit(p), element(e), frame(p.frame()), wo(frame.toLocal(p.wo)), look(p.bsdf, wo) {}
 };
+
+LightList::Kind LightList::kindOf(const LightShape& s) {
+  switch (s.kind) {
+    case LightKind::Point:
+    case LightKind::Spot: return hasProfile(s) ? Others : Points;
+    case LightKind::Directional: return !isWideDirectional(s) ? Directions : s.angularSize != 0.0f ? Caps : Others;
+    case LightKind::Sphere: return Caps;
+    case LightKind::Rect:
+    case LightKind::Disk: return Patches;
+    case LightKind::Mesh:
+    case LightKind::Environment: break;
+  }
+  return Others;
+}
+
+bool LightList::hasRules(const LightShape& shape) {
+  const Kind kind = kindOf(shape);
+  return kind == Caps || kind == Patches;
+}
 
 LightList::LightList(const SceneView& view, const LightSampler& sampler, std::span<const SceneLight> lights, int samples, uint64_t seed) {
   std::vector<int> of[Kinds];
@@ -125,18 +162,7 @@ LightList::LightList(const SceneView& view, const LightSampler& sampler, std::sp
     const LightShape& s = view.lightShape(lights[i].light);
     whole_.emplace_back(sampler, s, lights[i].light, samples, seed);
     shapes_.push_back(s);
-    Kind kind = Others;
-    switch (s.kind) {
-      case LightKind::Point:
-      case LightKind::Spot: kind = hasProfile(s) ? Others : Points; break;
-      case LightKind::Directional: kind = !isWideDirectional(s) ? Directions : s.angularSize != 0.0f ? Caps : Others; break;
-      case LightKind::Sphere: kind = Caps; break;
-      case LightKind::Rect:
-      case LightKind::Disk: kind = Patches; break;
-      case LightKind::Mesh:
-      case LightKind::Environment: break;
-    }
-    of[kind].push_back(int(i));
+    of[kindOf(s)].push_back(int(i));
   }
   for (int kind = 0; kind < Kinds; ++kind) {
     for (const int i : of[kind]) {
@@ -175,6 +201,18 @@ LightList::LightList(const SceneView& view, const LightSampler& sampler, std::sp
 void LightList::at(const LitPoint& point, size_t element, Values& out) const {
   Ways ways;
   run(point, element, out, ways);
+}
+
+BsdfValue LightList::only(const LitPoint& point, size_t element, Values& values) const {
+  GOBO_CHECK(whole_.size() == 1);
+  at(point, element, values);
+  const size_t place = size_t(std::find(index_.begin(), index_.end(), 0) - index_.begin());
+  BsdfValue out;
+  for (int c = 0; c < 3; ++c) {
+    out.diffuse[c] = values.diffuse[c][place];
+    if (values.glossy) out.specular[c] = values.specular[c][place];
+  }
+  return out;
 }
 
 void LightList::choose(const Values& values, size_t most, Choice& out) const {
@@ -324,78 +362,103 @@ void LightList::block(const Point& at, Kind kind, size_t begin, size_t count, Va
   }
 }
 
+/// The rule for a light of some size over gloss beyond kMany.
+size_t LightList::dense(const Point& at, Kind kind, size_t place) const {
+  const LightShape& s = shapes_[size_t(index_[place])];
+  const LitPoint& p = at.lit;
+  const bool distant = s.kind == LightKind::Directional;
+  const DVec3 d = distant ? -DVec3(s.axis) : DVec3(s.position) - DVec3(p.p);
+  const double d2 = glm::dot(d, d);
+  const Vec3 w(d / std::sqrt(d2)), towards = at.frame.toLocal(w);
+  SeenSize l{std::sqrt(double(size2_[place]) / (distant ? 1.0 : d2)), double(towards.z), double(glm::dot(w, p.ng)), -double(glm::dot(w, s.axis)), kind == Patches};
+  if (s.twoSided) l.turned = std::fabs(l.turned);
+  if (!l.patch && !(l.sine < 1.0)) return NoRule;  // inside
+  const double y = worstOf(l, towards, at.wo, double(at.look.alpha2()));
+  const Vec3 folded = towards - 2.0f * glm::dot(towards, p.bsdf.facing) * p.bsdf.facing;
+  const bool bent = p.n != p.ng && (l.above < l.sine || double(folded.z) > -l.sine), near = l.patch && (l.sine > 1.0 || l.turned < l.sine);
+  if (bent || near) return y <= kCut ? Points1024 : NoRule;
+  if (l.up < l.sine) return y <= kDense[0] ? Points256 : y <= kCut ? Points1024 : NoRule;
+  const double x = y + l.sine * l.sine / (l.up * l.up);
+  return x <= kDense[0] ? Points64 : x <= kDense[1] ? Points256 : x <= kDense[2] ? Points1024 : NoRule;
+}
+
 void LightList::larger(const Point& at, Kind kind, size_t place, float x, Values& out, Ways& ways) const {
   const LightShape& s = shapes_[size_t(index_[place])];
   const LitPoint& p = at.lit;
-  if (kind == Patches && !out.glossy) {
-    if (s.kind == LightKind::Rect) {
-      ++(at.flat || x < 1e29f ? ways.closed : ways.sampled);  // clipped by one horizon, or by neither
-      return sampled(at, place, out);
-    }
-    const DVec3 axis(s.axis), d = DVec3(s.position) - DVec3(p.p), facing = s.twoSided && glm::dot(d, axis) > 0 ? -axis : axis;
-    const auto whole = [&](const Vec3& normal) {
-      const DVec3 n(normal);
-      return glm::dot(d, n) >= double(s.radius) * std::sqrt(std::max(1.0 - glm::dot(n, axis) * glm::dot(n, axis), 0.0));
-    };
-    if (whole(p.n) && whole(p.ng)) {
-      ++ways.closed;
-      const double e = diskFormFactor(DVec3(p.p), DVec3(p.n), DVec3(s.position), facing, double(s.radius));
-      for (int c = 0; c < 3; ++c) out.diffuse[c][place] = at.look.albedo[c] * float(e) * power_[c][place];
-      return;
-    }
+  if (Vec3 f; kind == Patches && !out.glossy && whole_[size_t(index_[place])].closedForm(p, LobePart::Diffuse, f)) {
+    ++ways.closed;
+    for (int c = 0; c < 3; ++c) out.diffuse[c][place] = f[c] * power_[c][place];
+    return;
   }
-  if (!(x <= kMany)) {
+  const RuleSize size = x <= kSeven ? Seven : x <= kMany ? Many : out.glossy ? RuleSize(dense(at, kind, place)) : NoRule;
+  if (size == NoRule) {
     ++ways.sampled;
     return sampled(at, place, out);
   }
+  ++(size == Seven ? ways.seven : size == Many ? ways.many : ways.dense);
   const bool square = s.kind == LightKind::Rect;
-  const QuadratureRule& rule = square ? squarePoints() : x <= kSeven ? sevenPoints() : manyPoints();
-  ++(x <= kSeven ? ways.seven : ways.many);
+  const QuadratureRule& rule = ruleOf(square, size);
 
   BsdfLook::Directions way;
   BsdfLook::Lobes lobes;
-  double weight[24];
+  alignas(32) float weight[BsdfLook::kMost];
+  double sum[4][kLane] = {};  // lane by lane: in one order whatever the machine's registers
+  const auto add = [&](size_t count) {
+    at.look.at(way, count, lobes);
+    const float* const parts[4] = {lobes.diffuse, lobes.facets, lobes.grazing, lobes.bounced};
+    for (size_t part = 0; part < (out.glossy ? 4 : 1); ++part)
+      for (size_t k = 0; k < count; k += kLane)
+        for (size_t i = 0; i < kLane; ++i) sum[part][i] += double(weight[k + i]) * double(parts[part][k + i]);
+  };
+  const bool distant = s.kind == LightKind::Directional;
+  const DVec3 d = distant ? -DVec3(s.axis) : DVec3(s.position) - DVec3(p.p);
   if (kind == Caps) {
-    const bool distant = s.kind == LightKind::Directional;
-    const DVec3 d = distant ? -DVec3(s.axis) : DVec3(s.position) - DVec3(p.p);
-    const double d2 = glm::dot(d, d), sine2 = distant ? double(size2_[place]) : double(size2_[place]) / d2;
-    const double drop = sine2 / (1.0 + std::sqrt(1.0 - sine2)), scale = 2.0 * std::numbers::pi * drop * double(scale_[place]);
-    const Vec3 centre = at.frame.toLocal(Vec3(d / std::sqrt(d2)));
-    const Frame f(centre);
-    for (size_t k = 0; k < rule.count; ++k) {
-      // The disk's area is the cap's: 1 - cosine is drop by the squared radius.
-      const double r2 = double(rule.at[k].x) * rule.at[k].x + double(rule.at[k].y) * rule.at[k].y, fall = r2 * drop;
-      const float side = float(std::sqrt(drop * (2.0 - fall)));
-      const Vec3 w = f.x * (rule.at[k].x * side) + f.y * (rule.at[k].y * side) + f.z * float(1.0 - fall);
-      way.x[k] = w.x, way.y[k] = w.y, way.z[k] = w.z;
-      weight[k] = rule.weight[k] * scale;
+    const double d2 = glm::dot(d, d), sine2 = double(size2_[place]) / (distant ? 1.0 : d2), gap = sine2 / (1.0 + std::sqrt(1.0 - sine2));
+    const float drop = float(gap), scale = float(2.0 * std::numbers::pi * gap * double(scale_[place]));
+    const Frame f(at.frame.toLocal(Vec3(d / std::sqrt(d2))));
+    for (size_t begin = 0; begin < rule.count(); begin += BsdfLook::kMost) {
+      const size_t count = std::min(BsdfLook::kMost, rule.count() - begin);
+      for (size_t k = 0; k < count; ++k) {
+        // The disk's area is the cap's: 1 - cosine is drop by the squared radius.
+        const float fall = rule.r2[begin + k] * drop, side = std::sqrt(drop * (2.0f - fall)), x = rule.x[begin + k] * side, y = rule.y[begin + k] * side,
+                    z = 1.0f - fall;
+        way.x[k] = f.x.x * x + f.y.x * y + f.z.x * z;
+        way.y[k] = f.x.y * x + f.y.y * y + f.z.y * z;
+        way.z[k] = f.x.z * x + f.y.z * y + f.z.z * z;
+        weight[k] = rule.weight[begin + k] * scale;
+      }
+      add(count);
     }
   } else {
     const Frame f(s.axis);
-    const Vec3 u = square ? s.u : f.x * s.radius, v = square ? s.v : f.y * s.radius;
-    for (size_t k = 0; k < rule.count; ++k) {
-      const DVec3 d = DVec3(s.position) - DVec3(p.p) + DVec3(u) * double(rule.at[k].x) + DVec3(v) * double(rule.at[k].y);
-      const double d2 = glm::dot(d, d), distance = std::sqrt(d2), cosine = -glm::dot(d, DVec3(s.axis)) / distance;
-      const Vec3 w = at.frame.toLocal(Vec3(d / distance));
-      way.x[k] = w.x, way.y[k] = w.y, way.z[k] = w.z;
-      weight[k] = rule.weight[k] * double(scale_[place]) * std::max(s.twoSided ? std::fabs(cosine) : cosine, 0.0) / d2;
+    const Vec3 c = at.frame.toLocal(Vec3(d)), u = at.frame.toLocal(square ? s.u : f.x * s.radius),
+               v = at.frame.toLocal(square ? s.v : f.y * s.radius);
+    // The patch's plane is as far from the point everywhere: its cosine needs no difference of near numbers.
+    const float height = float(s.twoSided ? std::fabs(glm::dot(d, DVec3(s.axis))) : std::max(-glm::dot(d, DVec3(s.axis)), 0.0));
+    for (size_t begin = 0; begin < rule.count(); begin += BsdfLook::kMost) {
+      const size_t count = std::min(BsdfLook::kMost, rule.count() - begin);
+      for (size_t k = 0; k < count; ++k) {
+        const float x = c.x + u.x * rule.x[begin + k] + v.x * rule.y[begin + k], y = c.y + u.y * rule.x[begin + k] + v.y * rule.y[begin + k],
+                    z = c.z + u.z * rule.x[begin + k] + v.z * rule.y[begin + k];
+        const float inverse = 1.0f / std::sqrt(x * x + y * y + z * z), square2 = inverse * inverse;
+        way.x[k] = x * inverse;
+        way.y[k] = y * inverse;
+        way.z[k] = z * inverse;
+        weight[k] = rule.weight[begin + k] * scale_[place] * height * inverse * square2;
+      }
+      add(count);
     }
   }
-  for (size_t k = rule.count; k % kLane; ++k) way.x[k] = way.y[k] = 0.0f, way.z[k] = -1.0f;
-  at.look.at(way, rule.count, lobes);
-  double d = 0, f = 0, g = 0, b = 0;
-  for (size_t k = 0; k < rule.count; ++k) {
-    d += weight[k] * double(lobes.diffuse[k]);
-    if (!out.glossy) continue;
-    f += weight[k] * double(lobes.facets[k]);
-    g += weight[k] * double(lobes.grazing[k]);
-    b += weight[k] * double(lobes.bounced[k]);
-  }
+  double part[4] = {0, 0, 0, 0};
+  for (size_t i = 0; i < kLane; ++i)
+    for (size_t k = 0; k < 4; ++k) part[k] += sum[k][i];
   for (int c = 0; c < 3; ++c) {
-    out.diffuse[c][place] = at.look.albedo[c] * float(d) * power_[c][place];
+    out.diffuse[c][place] = at.look.albedo[c] * float(part[0]) * power_[c][place];
     if (out.glossy)
-      out.specular[c][place] = float(double(at.look.facets[c]) * f + double(at.look.grazing[c]) * g + double(at.look.bounced[c]) * b) * power_[c][place];
+      out.specular[c][place] =
+          float(double(at.look.facets[c]) * part[1] + double(at.look.grazing[c]) * part[2] + double(at.look.bounced[c]) * part[3]) * power_[c][place];
   }
 }
 
-}  // namespace gobo::subtractive
+}  // namespace terms
+}  // namespace gobo
