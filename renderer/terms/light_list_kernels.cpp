@@ -370,7 +370,8 @@ size_t LightList::dense(const Point& at, Kind kind, size_t place) const {
   const DVec3 d = distant ? -DVec3(s.axis) : DVec3(s.position) - DVec3(p.p);
   const double d2 = glm::dot(d, d);
   const Vec3 w(d / std::sqrt(d2)), towards = at.frame.toLocal(w);
-  SeenSize l{std::sqrt(double(size2_[place]) / (distant ? 1.0 : d2)), double(towards.z), double(glm::dot(w, p.ng)), -double(glm::dot(w, s.axis)), kind == Patches};
+  SeenSize l{std::sqrt(double(size2_[place]) / (distant ? 1.0 : d2)), double(towards.z), double(glm::dot(w, p.ng)), -double(glm::dot(w, s.axis)),
+             kind == Patches};
   if (s.twoSided) l.turned = std::fabs(l.turned);
   if (!l.patch && !(l.sine < 1.0)) return NoRule;  // inside
   const double y = worstOf(l, towards, at.wo, double(at.look.alpha2()));
@@ -431,8 +432,7 @@ void LightList::larger(const Point& at, Kind kind, size_t place, float x, Values
     }
   } else {
     const Frame f(s.axis);
-    const Vec3 c = at.frame.toLocal(Vec3(d)), u = at.frame.toLocal(square ? s.u : f.x * s.radius),
-               v = at.frame.toLocal(square ? s.v : f.y * s.radius);
+    const Vec3 c = at.frame.toLocal(Vec3(d)), u = at.frame.toLocal(square ? s.u : f.x * s.radius), v = at.frame.toLocal(square ? s.v : f.y * s.radius);
     // The patch's plane is as far from the point everywhere: its cosine needs no difference of near numbers.
     const float height = float(s.twoSided ? std::fabs(glm::dot(d, DVec3(s.axis))) : std::max(-glm::dot(d, DVec3(s.axis)), 0.0));
     for (size_t begin = 0; begin < rule.count(); begin += BsdfLook::kMost) {

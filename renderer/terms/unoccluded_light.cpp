@@ -102,9 +102,12 @@ bool UnoccludedLight::closedForm(const LitPoint& r, LobePart lobe, Vec3& value) 
       value = Vec3(0.0f);
       return true;
     }
-    if (r.n != r.ng)  // the tracer also wants light above the geometric horizon; where the light crosses it, sample
-      for (int k = 0; k < 4; ++k)
-        if (glm::dot(corner + u * double(2 * (k & 1)) + v * double(k & 2) - p, DVec3(r.ng)) <= 0) return false;
+    if (r.n != r.ng) {  // the tracer also wants light above the geometric horizon; where the light crosses it, sample
+      int below = 0;
+      for (int k = 0; k < 4; ++k) below += glm::dot(corner + u * double(2 * (k & 1)) + v * double(k & 2) - p, DVec3(r.ng)) <= 0;
+      if (below == 4) value = Vec3(0.0f);
+      if (below > 0) return below == 4;
+    }
     value = r.bsdf.albedo * float(rectFormFactor(p, n, corner, 2.0 * u, 2.0 * v));
     return true;
   }
@@ -120,8 +123,13 @@ bool UnoccludedLight::closedForm(const LitPoint& r, LobePart lobe, Vec3& value) 
   }
   if (s.kind == LightKind::Sphere) {
     const DVec3 d = DVec3(s.position) - p;
-    const double distance = glm::length(d);
-    if (!(distance > double(s.radius)) || !sameHorizon(r, glm::dot(d, DVec3(r.ng)) / distance, double(s.radius) / distance)) return false;
+    const double distance = glm::length(d), above = glm::dot(d, DVec3(r.ng));
+    if (!(distance > double(s.radius))) return false;
+    if (above <= -double(s.radius) || glm::dot(d, n) <= -double(s.radius)) {
+      value = Vec3(0.0f);
+      return true;
+    }
+    if (!sameHorizon(r, above / distance, double(s.radius) / distance)) return false;
     value = r.bsdf.albedo * float(sphereFormFactor(p, n, DVec3(s.position), double(s.radius)));
     return true;
   }

@@ -53,8 +53,7 @@ std::vector<double> drawnLight(const LampStage& s, int samples) {
     for (const int l : s.subset) {
       if (!in.lit(e)) continue;
       const BsdfValue f = UnoccludedLight(*sampler, view.lightShape(l), l, samples, 77).lobes(in.point(e, in.bsdf(e)), e);
-      for (int c = 0; c < 3; ++c)
-        out[3 * (e % s.pixels()) + size_t(c)] += double(f.sum()[c] * s.scene->lights[size_t(l)].power[c]) / s.view.viewSamples;
+      for (int c = 0; c < 3; ++c) out[3 * (e % s.pixels()) + size_t(c)] += double(f.sum()[c] * s.scene->lights[size_t(l)].power[c]) / s.view.viewSamples;
     }
   return out;
 }
