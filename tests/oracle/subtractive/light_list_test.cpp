@@ -185,24 +185,32 @@ LitPoint pointOf(Draws& draw, int material) {
   return p;
 }
 
+constexpr LightKind kKinds[] = {LightKind::Sphere, LightKind::Directional, LightKind::Disk, LightKind::Rect};
+/// One of these kinds by turns, in every third trial in the mirror's direction, else no lower above p's horizon than by this cosine; its half angle is 10 to a
+/// power between lo and hi, about.
+Light lampSeen(Draws& draw, int trial, const LitPoint& p, float lowest, float lo, float hi) {
+  const LightKind kind = kKinds[trial % 4];
+  Vec3 way = Frame(p.n).toWorld(draw.up(lowest));
+  if (trial % 3 == 0) way = glm::normalize(glm::reflect(-p.wo, p.n) + 0.2f * way);
+  const float distance = draw.in(0.5f, 8.0f), size = std::pow(10.0f, draw.in(lo, hi));
+  Light l = lamp(kind, p.p + way * distance, Vec3(1.0f), kind == LightKind::Directional ? -way : -way + 0.8f * draw.up(-1.0f));
+  l.shape.radius = 0.9f * size * distance;
+  l.shape.u *= 2.0f * l.shape.radius;
+  l.shape.v *= 2.0f * l.shape.radius;
+  l.shape.angularSize = kind == LightKind::Directional ? size : 0.0f;
+  l.shape.twoSided = trial % 8 == 7;
+  return l;
+}
+
 // The bound that light_list.h states, of each lobe of each light for which no samples are drawn.
 TEST(LightList, LightsOfSomeSizeAreTheirMeanWithinTheStatedBound) {
   Draws draw(11);
   LightList::Ways ways;
   double worst[2] = {0, 0};
   for (int trial = 0; trial < 1500; ++trial) {
-    const LightKind kinds[] = {LightKind::Sphere, LightKind::Directional, LightKind::Disk, LightKind::Rect};
-    const LightKind kind = kinds[trial % 4];
+    const LightKind kind = kKinds[trial % 4];
     const LitPoint p = pointOf(draw, trial / 4);
-    Vec3 way = Frame(p.n).toWorld(draw.up(0.02f));
-    if (trial % 3 == 0) way = glm::normalize(glm::reflect(-p.wo, p.n) + 0.2f * way);  // in the highlight
-    const float distance = draw.in(0.5f, 8.0f), size = std::pow(10.0f, draw.in(-2.8f, -0.3f));
-    Light l = lamp(kind, p.p + way * distance, Vec3(1.0f), kind == LightKind::Directional ? -way : -way + 0.8f * draw.up(-1.0f));
-    l.shape.radius = 0.9f * size * distance;
-    l.shape.u *= 2.0f * l.shape.radius;
-    l.shape.v *= 2.0f * l.shape.radius;
-    l.shape.angularSize = kind == LightKind::Directional ? size : 0.0f;
-    l.shape.twoSided = trial % 8 == 7;
+    const Light l = lampSeen(draw, trial, p, 0.02f, -2.8f, -0.3f);
     const Listed one({l});
     const LightList::Ways w = one.list->ways(p, 5);
     ASSERT_EQ(w.one + w.seven + w.many + w.dense + w.closed + w.sampled, 1u);
@@ -239,20 +247,12 @@ TEST(LightList, LargeLightsOverGlossAreTheirMeanWithinTheStatedBound) {
   } whole, cut;
   int left = 0;
   for (int trial = 0; trial < 900; ++trial) {
-    const LightKind kinds[] = {LightKind::Sphere, LightKind::Directional, LightKind::Disk, LightKind::Rect};
-    const LightKind kind = kinds[trial % 4];
+    const LightKind kind = kKinds[trial % 4];
     LitPoint p = pointOf(draw, trial / 4);
     p.bsdf.specular = std::max(p.bsdf.specular, 0.2f);  // none is Lambert
     if (p.n != p.ng) p.bsdf.facing = p.frame().toLocal(p.ng);
-    Vec3 way = Frame(p.n).toWorld(draw.up(-0.1f));
-    if (trial % 3 == 0) way = glm::normalize(glm::reflect(-p.wo, p.n) + 0.2f * way);  // in the highlight
-    const float distance = draw.in(0.5f, 8.0f), size = std::pow(10.0f, draw.in(-1.3f, kind == LightKind::Directional ? 0.0f : 0.2f));
-    Light l = lamp(kind, p.p + way * distance, Vec3(1.0f), kind == LightKind::Directional ? -way : -way + 0.8f * draw.up(-1.0f));
-    l.shape.radius = 0.9f * size * distance;
-    l.shape.u *= 2.0f * l.shape.radius;
-    l.shape.v *= 2.0f * l.shape.radius;
-    l.shape.angularSize = kind == LightKind::Directional ? size : 0.0f;
-    l.shape.twoSided = trial % 8 == 7;
+    const Light l = lampSeen(draw, trial, p, -0.1f, -1.3f, kind == LightKind::Directional ? 0.0f : 0.2f);
+    const float distance = glm::length(l.shape.position - p.p);
     const Listed one({l});
     const LightList::Ways w = one.list->ways(p, 5);
     left += int(w.sampled);
