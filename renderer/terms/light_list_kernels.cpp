@@ -373,7 +373,6 @@ size_t LightList::dense(const Point& at, Kind kind, size_t place) const {
   SeenSize l{std::sqrt(double(size2_[place]) / (distant ? 1.0 : d2)), double(towards.z), double(glm::dot(w, p.ng)), -double(glm::dot(w, s.axis)),
              kind == Patches};
   if (s.twoSided) l.turned = std::fabs(l.turned);
-  if (!l.patch && !(l.sine < 1.0)) return NoRule;  // inside
   const double y = worstOf(l, towards, at.wo, double(at.look.alpha2()));
   const Vec3 folded = towards - 2.0f * glm::dot(towards, p.bsdf.facing) * p.bsdf.facing;
   const bool bent = p.n != p.ng && (l.above < l.sine || double(folded.z) > -l.sine), near = l.patch && (l.sine > 1.0 || l.turned < l.sine);

@@ -199,6 +199,7 @@ Light lampSeen(Draws& draw, int trial, const LitPoint& p, float lowest, float lo
   l.shape.v *= 2.0f * l.shape.radius;
   l.shape.angularSize = kind == LightKind::Directional ? size : 0.0f;
   l.shape.twoSided = trial % 8 == 7;
+  if (trial % 16 == 15) l.shape.axis = -l.shape.axis;  // from behind
   return l;
 }
 
@@ -282,7 +283,7 @@ TEST(LightList, LargeLightsOverGlossAreTheirMeanWithinTheStatedBound) {
   EXPECT_GT(whole.count, 200);
   EXPECT_GT(cut.count, 200);
   EXPECT_LT(whole.worst, 0.01);
-  EXPECT_LT(cut.sum / cut.count, sqr(0.005));
+  EXPECT_LT(cut.sum / cut.count, sqr(0.002));
   EXPECT_LT(whole.sum, 0.01 * whole.sampled);
   EXPECT_LT(cut.sum, 0.01 * cut.sampled);
 }
