@@ -18,8 +18,9 @@ class DirectUnoccludedNode final : public Node {
   explicit DirectUnoccludedNode(const DirectUnoccludedSettings& s) : s_(s) {}
   std::string type() const override { return "direct_unoccluded"; }
   // 2: every lobe; 3: bilinear environments; 4: specular light below the surface is mirrored back; 5: highlights of squares; 6: facing triangles;
-  // 7: diffuse lobes of suns by quadrature, balls cut by the horizon exactly; 8: lights of some size over gloss by quadrature, disks exactly
-  int version() const override { return 8; }
+  // 7: diffuse lobes of suns by quadrature, balls cut by the horizon exactly; 8: lights of some size over gloss by quadrature, disks exactly; 9: so are
+  // mesh lights of few triangles, and rectangles at infinity over gloss
+  int version() const override { return 9; }
   NodeTraits traits() const override {
     NodeTraits t;
     // Geometry and emission are read by mesh lights only, whose digest is part of LightShape (scene.h).
@@ -54,7 +55,7 @@ class DirectUnoccludedNode final : public Node {
     const UnoccludedLight light(*sampler, shape, s_.light, s_.samples, s_.seed);
     const SceneLight listed{s_.light, Vec3(1.0f)};
     const LightList list(*ctx.scene, *sampler, {&listed, 1}, s_.samples, s_.seed);
-    const bool wide = LightList::hasRules(shape);
+    const bool ruled = LightList::hasRules(shape) || !light.facets().empty();
     const auto instance = g.plane<uint32_t>("instance");
     const auto P = g.floats("P"), Ng = g.floats("Ng"), N = surface.floats("N"), albedo = surface.floats("albedo"), material = surface.floats("material");
     const auto flags = surface.plane<uint8_t>("flags");
@@ -99,7 +100,7 @@ class DirectUnoccludedNode final : public Node {
               r.bsdf.entering = (flags[i] & kSurfaceEntering) != 0;
               if (!r.lambert() && r.n != r.ng) r.bsdf.facing = r.frame().toLocal(r.ng);
             }
-            const Vec3 value = (wide && !r.lambert() ? partOf(list.only(r, film(i), values), s_.lobe) : light.at(r, film(i), s_.lobe)) * s_.nominal;
+            const Vec3 value = (ruled && !r.lambert() ? partOf(list.only(r, film(i), values), s_.lobe) : light.at(r, film(i), s_.lobe)) * s_.nominal;
             if (!isFinite(value)) {
               dropped.add(i, 1);
               continue;

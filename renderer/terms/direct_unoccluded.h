@@ -34,6 +34,8 @@ NodePtr makeDirectUnoccludedNode(const DirectUnoccludedSettings& settings);
 /// Irradiance factor of a rectangle at p with normal n: integral of max(cos,0) d(omega) over the part of the rectangle above
 /// the horizon, divided by pi (so that Lambert radiance = albedo * radiance * factor). In [0,1].
 double rectFormFactor(const DVec3& p, const DVec3& n, const DVec3& corner, const DVec3& edgeU, const DVec3& edgeV);
+/// The same of a triangle, its corners from the point.
+double triangleFormFactor(const DVec3 (&corners)[3], const DVec3& n);
 /// The same of a disk that lies above the receiver's horizon, all of it, and faces it. Exact (Naraghi 1988: the irradiance vector of a disk has a closed
 /// form). axis: its unit normal, on the receiver's side.
 double diskFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, const DVec3& axis, double radius);

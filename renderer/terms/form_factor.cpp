@@ -5,19 +5,22 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <span>
 
 #include "terms/direct_unoccluded.h"
 
 namespace gobo {
 inline namespace terms {
 
-double rectFormFactor(const DVec3& p, const DVec3& n, const DVec3& corner, const DVec3& u, const DVec3& v) {
-  const std::array<DVec3, 4> quad{corner - p, corner + u - p, corner + u + v - p, corner + v - p};
+namespace {
+
+/// Of a polygon with at most four corners, from the receiver.
+double polygonFormFactor(std::span<const DVec3> corners, const DVec3& n) {
   // Clip to the half space above the receiver (Sutherland-Hodgman against one plane: at most five vertices).
   std::array<DVec3, 6> poly;
   int count = 0;
-  for (int i = 0; i < 4; ++i) {
-    const DVec3 &a = quad[i], &b = quad[(i + 1) % 4];
+  for (size_t i = 0; i < corners.size(); ++i) {
+    const DVec3 &a = corners[i], &b = corners[(i + 1) % corners.size()];
     const double da = glm::dot(a, n), db = glm::dot(b, n);
     if (da >= 0) poly[count++] = a;
     if ((da < 0) != (db < 0)) poly[count++] = a + (b - a) * (da / (da - db));
@@ -35,6 +38,15 @@ double rectFormFactor(const DVec3& p, const DVec3& n, const DVec3& corner, const
   }
   return std::fabs(sum) / (2.0 * 3.14159265358979323846);
 }
+
+}  // namespace
+
+double rectFormFactor(const DVec3& p, const DVec3& n, const DVec3& corner, const DVec3& u, const DVec3& v) {
+  const std::array<DVec3, 4> quad{corner - p, corner + u - p, corner + u + v - p, corner + v - p};
+  return polygonFormFactor(quad, n);
+}
+
+double triangleFormFactor(const DVec3 (&corners)[3], const DVec3& n) { return polygonFormFactor(corners, n); }
 
 double diskFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, const DVec3& axis, double radius) {
   const DVec3 d = centre - p;

@@ -4,15 +4,17 @@
 //   points, spots, directions      the same to rounding (those with an emission profile: that code itself)
 //   balls, suns                    over Lambert surfaces as a point, which is exact where all of it is above the horizon; over gloss by the rules below
 //   disks, rectangles              by these rules; over Lambert surfaces nearby by their closed forms where all of it is above the horizon
-//   the rest of them               terms/unoccluded_light.h with `samples` samples: mesh lights, rectangles at infinity, what is far larger than the lobe,
-//                                  materials that trace/bsdf_look.h does not cover
+//   mesh lights                    of up to 32 triangles that shine evenly: the sum of their triangles, by the same ways as rectangles, where 2048 points do
+//   rectangles at infinity         the diffuse lobe under their centre, as they are defined (direct_unoccluded.h); gloss by these rules up to 64 points
+//   the rest of them               terms/unoccluded_light.h with `samples` samples: other mesh lights, what is far larger than the lobe, materials that
+//                                  trace/bsdf_look.h does not cover
 // The rules go by X = sin^2 a (sharpness + 1 / cos^2 + 4): a the half angle that the light is seen under (patches: half diagonal by distance, and 1 / cos^2 of
 // their own cosine added), sharpness that of the lobe at its centre (bsdf_look.h), cos that of its centre. To second order the relative error of the mean
 // over a light by its centre is the lobe's curvature over it, for GGX no more than (24 + 4) / 8 of (a / 2 c s)^2, that is 0.9 X; with what else varies 1.5 X.
 //   kOne    X <= 0.001   one direction, to the centre
-//   kSeven  X <= 0.03    7 points of a disk, exact to the fifth degree (Stroud 1971, S2 5-1); rectangles: 16 of Gauss and Legendre
-//   kMany   X <= 0.3     24: 3 of Gauss and Legendre in the squared radius by 8 angles; rectangles: the 16
-// Beyond, over gloss, by Y: the same with the lobe at its sharpest anywhere within the light.
+//   kSeven  X <= 0.03    7 points of a disk, exact to the fifth degree (Stroud 1971, S2 5-1); rectangles and triangles: 16 of Gauss and Legendre
+//   kMany   X <= 0.3     24: 3 of Gauss and Legendre in the squared radius by 8 angles; rectangles and triangles: the 16
+// Beyond, over gloss, by Y: the same with the lobe at its sharpest anywhere within the light. Triangles and rectangles at infinity go by Y throughout.
 //   kDense  Y <= 10, 60, 600   64, 256, 1024 points (4, 8, 16 radii by 16, 32, 64 angles; squares of 8, 16, 32)
 //   kCut    Y <= 300 without 1 / cos^2: what the horizon cuts or touches, by 256 points (Y <= 10) and 1024; a patch that is nearer than its half diagonal or
 //           seen on edge, and light that folds at a tilted triangle's plane (bsdf.h) or is cut by it, by 1024
@@ -25,6 +27,7 @@
 #include <span>
 #include <vector>
 
+#include "terms/light_rules.h"
 #include "terms/unoccluded_light.h"
 #include "trace/bsdf_look.h"
 
@@ -80,13 +83,20 @@ class LightList {
 
   static constexpr float kOne = 1e-3f, kSeven = 0.03f, kMany = 0.3f;
   static constexpr double kDense[3] = {10, 60, 600}, kCut = 300;
+  static constexpr RuleSize kMostOfSquares = RuleSize::Points64;  ///< of rectangles at infinity, which have fewer samples
+  static constexpr size_t kMostPoints = 2048;                     ///< of a mesh light, all triangles together: beyond, `samples` take less time
 
  private:
-  enum Kind { Points, Directions, Caps, Patches, Others, Kinds };
+  enum Kind { Points, Directions, Caps, Patches, Squares, Meshes, Others, Kinds };
   static Kind kindOf(const LightShape& shape);
   struct Point;
+  struct SeenSize;
+  struct WeightedLobes;
   void block(const Point& at, Kind kind, size_t begin, size_t count, Values& out, Ways& ways) const;
-  size_t dense(const Point& at, Kind kind, size_t place) const;
+  RuleSize sizeOf(const Point& at, const SeenSize& seen, const Vec3& towards) const;
+  void give(const Point& at, size_t place, const WeightedLobes& sum, Values& out) const;
+  void square(const Point& at, size_t place, Values& out, Ways& ways) const;
+  void mesh(const Point& at, size_t place, Values& out, Ways& ways) const;
   void larger(const Point& at, Kind kind, size_t place, float x, Values& out, Ways& ways) const;
   void sampled(const Point& at, size_t place, Values& out) const;
   void run(const LitPoint& point, size_t element, Values& out, Ways& ways) const;
@@ -95,6 +105,7 @@ class LightList {
   std::vector<int> index_;
   std::vector<UnoccludedLight> whole_;  ///< by index
   std::vector<LightShape> shapes_;      ///< by index
+  std::vector<Vec3> edges_[2];          ///< by index: of squares at infinity, half edges on the tangent plane
   std::vector<float> power_[3];
   std::vector<float> at_[3];               ///< position, or direction towards it
   std::vector<float> axis_[3];             ///< Spots, patches

@@ -4,12 +4,16 @@
 #include <immintrin.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <functional>
 #include <numbers>
 
 #include "base/check.h"
+#include "scene/light_axes.h"
+#include "terms/light_rules.h"
+#include "trace/distant_light.h"
 
 namespace gobo {
 inline namespace terms {
@@ -37,94 +41,6 @@ inline Lane3x load3(const std::vector<float>* v, size_t at) {
 /// As trace/light_sampling.cpp.
 constexpr float kNearest2 = 1e-12f;
 
-/// Weights of points that stand for a unit disk, or for the square +-1; to the next multiple of 8 points without weight.
-struct QuadratureRule {
-  std::vector<float> x, y, r2, weight;  ///< r2: squared radius
-  size_t count() const { return x.size(); }
-  void add(double u, double v, double w) {
-    x.push_back(float(u));
-    y.push_back(float(v));
-    r2.push_back(float(u * u + v * v));
-    weight.push_back(float(w));
-  }
-  void fill() {
-    while (x.size() % kLane) add(0, 0, 0);
-  }
-};
-
-/// Of Gauss and Legendre on -1..1, weights that sum to 1: roots of the n-th Legendre polynomial by Newton's method.
-std::vector<std::pair<double, double>> gaussLegendre(int n) {
-  std::vector<std::pair<double, double>> out;
-  for (int k = 0; k < n; ++k) {
-    double x = std::cos(std::numbers::pi * (n - k - 0.25) / (n + 0.5)), slope = 1;
-    for (int step = 0; step < 8; ++step) {
-      double p = x, before = 1;
-      for (int m = 2; m <= n; ++m) {
-        const double next = ((2.0 * m - 1.0) * x * p - (m - 1.0) * before) / m;
-        before = p;
-        p = next;
-      }
-      slope = n * (x * p - before) / (x * x - 1.0);
-      x -= p / slope;
-    }
-    out.emplace_back(x, 1.0 / ((1.0 - x * x) * slope * slope));
-  }
-  return out;
-}
-
-QuadratureRule sevenOfADisk() {
-  QuadratureRule r;
-  r.add(0, 0, 0.25);
-  for (int k = 0; k < 6; ++k) {
-    const double phi = std::numbers::pi * k / 3.0, radius = std::sqrt(2.0 / 3.0);
-    r.add(radius * std::cos(phi), radius * std::sin(phi), 0.125);
-  }
-  r.fill();
-  return r;
-}
-
-QuadratureRule ofADisk(int rings, int spokes) {
-  QuadratureRule r;
-  const auto nodes = gaussLegendre(rings);
-  for (int ring = 0; ring < rings; ++ring)
-    for (int k = 0; k < spokes; ++k) {
-      const double phi = 2.0 * std::numbers::pi * (k + 0.5 * (ring % 2)) / spokes, radius = std::sqrt(0.5 + 0.5 * nodes[size_t(ring)].first);
-      r.add(radius * std::cos(phi), radius * std::sin(phi), nodes[size_t(ring)].second / spokes);
-    }
-  return r;
-}
-
-QuadratureRule ofASquare(int n) {
-  QuadratureRule r;
-  const auto nodes = gaussLegendre(n);
-  for (const auto& [x, wx] : nodes)
-    for (const auto& [y, wy] : nodes) r.add(x, y, wx * wy);
-  return r;
-}
-
-enum RuleSize : size_t { Seven, Many, Points64, Points256, Points1024, NoRule };
-const QuadratureRule& ruleOf(bool square, RuleSize size) {
-  static const QuadratureRule disks[] = {sevenOfADisk(), ofADisk(3, 8), ofADisk(4, 16), ofADisk(8, 32), ofADisk(16, 64)};
-  static const QuadratureRule squares[] = {ofASquare(4), ofASquare(4), ofASquare(8), ofASquare(16), ofASquare(32)};
-  return square ? squares[size] : disks[size];
-}
-
-/// A light of some size as it is seen: half angle by its sine (patches: half diagonal by distance, may be over 1), cosines of its centre to both normals and
-/// of a patch's own axis to the point.
-struct SeenSize {
-  double sine, up, above, turned;
-  bool patch;
-};
-
-/// Y of the header, without the horizons' part: the lobe at its sharpest within the light.
-double worstOf(const SeenSize& l, const Vec3& towards, const Vec3& wo, double alpha2) {
-  const Vec3 middle = towards + wo;  // twice the half vector times the cosine between both
-  const double length = std::max(double(glm::length(middle)), 1e-9), c = std::max(0.5 * length - 0.5 * l.sine, 1e-9);
-  const double sine = std::sqrt(double(middle.x) * middle.x + double(middle.y) * middle.y) / length;
-  const double least = std::max(sine - 0.5 * l.sine / c, 0.0);  // of the half vector, which turns by no more than 1 / 2c of what the light spans
-  return l.sine * l.sine * (1.0 / (c * c * (least * least + alpha2)) + 4.0 + (l.patch ? 1.0 / std::max(l.turned * l.turned, 1e-30) : 0.0));
-}
-
 }  // namespace
 
 /// A point, with one look at its material.
@@ -137,11 +53,66 @@ struct LightList::Point {
   Point(const LitPoint& p, size_t e) : lit(p), element(e), frame(p.frame()), wo(frame.toLocal(p.wo)), look(p.bsdf, wo) {}
 };
 
+/// The material's parts under weighted directions.
+struct LightList::WeightedLobes {
+  const BsdfLook& look;
+  const size_t parts;
+  BsdfLook::Directions way;
+  alignas(32) float weight[BsdfLook::kMost];
+  double sum[4][kLane] = {};  // lane by lane: in one order whatever the machine's registers
+  WeightedLobes(const BsdfLook& l, bool glossy) : look(l), parts(glossy ? 4 : 1) {}
+  void add(size_t count) {
+    BsdfLook::Lobes lobes;
+    look.at(way, count, lobes);
+    const float* const of[4] = {lobes.diffuse, lobes.facets, lobes.grazing, lobes.bounced};
+    for (size_t part = 0; part < parts; ++part)
+      for (size_t k = 0; k < count; k += kLane)
+        for (size_t i = 0; i < kLane; ++i) sum[part][i] += double(weight[k + i]) * double(of[part][k + i]);
+  }
+  /// Of a flat light: `c` to its place (0, 0), u and v from there along a rule's coordinates, local; its weight times `scale`, by distance and `height` of
+  /// the point above its plane.
+  void addFlat(const LightRule& rule, const Vec3& c, const Vec3& u, const Vec3& v, float scale, float height) {
+    for (size_t begin = 0; begin < rule.count(); begin += BsdfLook::kMost) {
+      const size_t count = std::min(BsdfLook::kMost, rule.count() - begin);
+      for (size_t k = 0; k < count; ++k) {
+        const float x = c.x + u.x * rule.x[begin + k] + v.x * rule.y[begin + k], y = c.y + u.y * rule.x[begin + k] + v.y * rule.y[begin + k],
+                    z = c.z + u.z * rule.x[begin + k] + v.z * rule.y[begin + k];
+        const float inverse = 1.0f / std::sqrt(x * x + y * y + z * z), square2 = inverse * inverse;
+        way.x[k] = x * inverse;
+        way.y[k] = y * inverse;
+        way.z[k] = z * inverse;
+        weight[k] = rule.weight[begin + k] * scale * height * inverse * square2;
+      }
+      add(count);
+    }
+  }
+  double total(size_t part) const {
+    double out = 0;
+    for (size_t i = 0; i < kLane; ++i) out += sum[part][i];
+    return out;
+  }
+};
+
+/// A light of some size as it is seen: half angle by its sine (patches: half diagonal by distance, may be over 1), cosines of its centre to both normals and
+/// of a patch's own axis to the point.
+struct LightList::SeenSize {
+  double sine, up, above, turned;
+  bool patch;
+  /// Y of the header, without the horizons' part: the lobe at its sharpest within the light.
+  double worst(const Vec3& towards, const Vec3& wo, double alpha2) const {
+    const Vec3 middle = towards + wo;  // twice the half vector times the cosine between both
+    const double length = std::max(double(glm::length(middle)), 1e-9), c = std::max(0.5 * length - 0.5 * sine, 1e-9);
+    const double tilt = std::sqrt(double(middle.x) * middle.x + double(middle.y) * middle.y) / length;
+    const double least = std::max(tilt - 0.5 * sine / c, 0.0);  // of the half vector, which turns by no more than 1 / 2c of what the light spans
+    return sine * sine * (1.0 / (c * c * (least * least + alpha2)) + 4.0 + (patch ? 1.0 / std::max(turned * turned, 1e-30) : 0.0));
+  }
+};
+
 LightList::Kind LightList::kindOf(const LightShape& s) {
   switch (s.kind) {
     case LightKind::Point:
     case LightKind::Spot: return hasProfile(s) ? Others : Points;
-    case LightKind::Directional: return !isWideDirectional(s) ? Directions : s.angularSize != 0.0f ? Caps : Others;
+    case LightKind::Directional: return !isWideDirectional(s) ? Directions : s.angularSize != 0.0f ? Caps : Squares;
     case LightKind::Sphere: return Caps;
     case LightKind::Rect:
     case LightKind::Disk: return Patches;
@@ -153,7 +124,7 @@ LightList::Kind LightList::kindOf(const LightShape& s) {
 
 bool LightList::hasRules(const LightShape& shape) {
   const Kind kind = kindOf(shape);
-  return kind == Caps || kind == Patches;
+  return kind == Caps || kind == Patches || kind == Squares;
 }
 
 LightList::LightList(const SceneView& view, const LightSampler& sampler, std::span<const SceneLight> lights, int samples, uint64_t seed) {
@@ -162,7 +133,11 @@ LightList::LightList(const SceneView& view, const LightSampler& sampler, std::sp
     const LightShape& s = view.lightShape(lights[i].light);
     whole_.emplace_back(sampler, s, lights[i].light, samples, seed);
     shapes_.push_back(s);
-    of[kindOf(s)].push_back(int(i));
+    const bool square = kindOf(s) == Squares;
+    const Frame sky = square ? mapFrame(s) : Frame(Vec3(0, 0, 1));
+    edges_[0].push_back(sky.x * (0.5f * s.skyRectangle.x));
+    edges_[1].push_back(sky.y * (0.5f * s.skyRectangle.y));
+    of[whole_.back().facets().empty() ? kindOf(s) : Meshes].push_back(int(i));
   }
   for (int kind = 0; kind < Kinds; ++kind) {
     for (const int i : of[kind]) {
@@ -182,7 +157,9 @@ LightList::LightList(const SceneView& view, const LightSampler& sampler, std::sp
       const double sine = std::sin(0.5 * double(s.angularSize)), r2 = double(s.radius) * s.radius, uu = glm::dot(DVec3(s.u), DVec3(s.u)),
                    vv = glm::dot(DVec3(s.v), DVec3(s.v));
       size2_.push_back(float(distant ? sine * sine : s.kind == LightKind::Rect ? uu + vv : r2));
-      scale_.push_back(float(distant                     ? 1.0 / (std::numbers::pi * std::max(sine * sine, 1e-30))
+      const bool square = kind == Squares;  // radiance by the tangent plane's area
+      scale_.push_back(float(square                      ? double(s.skyRectangle.x) * s.skyRectangle.y / DistantLight(s).irradiance()
+                             : distant                   ? 1.0 / (std::numbers::pi * std::max(sine * sine, 1e-30))
                              : s.kind == LightKind::Rect ? 4.0 * std::sqrt(uu * vv)
                              : s.kind == LightKind::Disk ? std::numbers::pi * r2
                                                          : 1.0));
@@ -266,7 +243,12 @@ void LightList::run(const LitPoint& point, size_t element, Values& out, Ways& wa
   if (out.glossy)
     for (int c = 0; c < 3; ++c) out.specular[c].resize(places());
   const size_t from = covered ? begin_[Others] : 0;
-  for (int kind = 0; covered && kind < Others; ++kind)
+  for (size_t place = begin_[Squares]; covered && place < begin_[Meshes + 1]; ++place) {
+    if (index_[place] < 0) sampled(at, place, out);  // nobody's
+    else if (place < begin_[Meshes]) square(at, place, out, ways);
+    else mesh(at, place, out, ways);
+  }
+  for (int kind = 0; covered && kind < Squares; ++kind)
     for (size_t begin = begin_[kind]; begin < begin_[kind + 1]; begin += BsdfLook::kMost)
       block(at, Kind(kind), begin, std::min(BsdfLook::kMost, begin_[kind + 1] - begin), out, ways);
   for (size_t place = from; place < places(); ++place) {
@@ -362,24 +344,30 @@ void LightList::block(const Point& at, Kind kind, size_t begin, size_t count, Va
   }
 }
 
-/// The rule for a light of some size over gloss beyond kMany.
-size_t LightList::dense(const Point& at, Kind kind, size_t place) const {
-  const LightShape& s = shapes_[size_t(index_[place])];
+/// The rule for a light of some size over gloss, by Y.
+RuleSize LightList::sizeOf(const Point& at, const SeenSize& l, const Vec3& towards) const {
   const LitPoint& p = at.lit;
-  const bool distant = s.kind == LightKind::Directional;
-  const DVec3 d = distant ? -DVec3(s.axis) : DVec3(s.position) - DVec3(p.p);
-  const double d2 = glm::dot(d, d);
-  const Vec3 w(d / std::sqrt(d2)), towards = at.frame.toLocal(w);
-  SeenSize l{std::sqrt(double(size2_[place]) / (distant ? 1.0 : d2)), double(towards.z), double(glm::dot(w, p.ng)), -double(glm::dot(w, s.axis)),
-             kind == Patches};
-  if (s.twoSided) l.turned = std::fabs(l.turned);
-  const double y = worstOf(l, towards, at.wo, double(at.look.alpha2()));
+  const double y = l.worst(towards, at.wo, double(at.look.alpha2()));
   const Vec3 folded = towards - 2.0f * glm::dot(towards, p.bsdf.facing) * p.bsdf.facing;
   const bool bent = p.n != p.ng && (l.above < l.sine || double(folded.z) > -l.sine), near = l.patch && (l.sine > 1.0 || l.turned < l.sine);
-  if (bent || near) return y <= kCut ? Points1024 : NoRule;
-  if (l.up < l.sine) return y <= kDense[0] ? Points256 : y <= kCut ? Points1024 : NoRule;
+  if (bent || near) return y <= kCut ? RuleSize::Points1024 : RuleSize::None;
+  if (l.up < l.sine) return y <= kDense[0] ? RuleSize::Points256 : y <= kCut ? RuleSize::Points1024 : RuleSize::None;
   const double x = y + l.sine * l.sine / (l.up * l.up);
-  return x <= kDense[0] ? Points64 : x <= kDense[1] ? Points256 : x <= kDense[2] ? Points1024 : NoRule;
+  return x <= double(kOne)    ? RuleSize::One
+         : x <= double(kMany) ? RuleSize::Many
+         : x <= kDense[0]     ? RuleSize::Points64
+         : x <= kDense[1]     ? RuleSize::Points256
+         : x <= kDense[2]     ? RuleSize::Points1024
+                              : RuleSize::None;
+}
+
+void LightList::give(const Point& at, size_t place, const WeightedLobes& f, Values& out) const {
+  for (int c = 0; c < 3; ++c) {
+    out.diffuse[c][place] = at.look.albedo[c] * float(f.total(0)) * power_[c][place];
+    if (out.glossy)
+      out.specular[c][place] =
+          float(double(at.look.facets[c]) * f.total(1) + double(at.look.grazing[c]) * f.total(2) + double(at.look.bounced[c]) * f.total(3)) * power_[c][place];
+  }
 }
 
 void LightList::larger(const Point& at, Kind kind, size_t place, float x, Values& out, Ways& ways) const {
@@ -390,73 +378,132 @@ void LightList::larger(const Point& at, Kind kind, size_t place, float x, Values
     for (int c = 0; c < 3; ++c) out.diffuse[c][place] = f[c] * power_[c][place];
     return;
   }
-  const RuleSize size = x <= kSeven ? Seven : x <= kMany ? Many : out.glossy ? RuleSize(dense(at, kind, place)) : NoRule;
-  if (size == NoRule) {
+  const bool distant = s.kind == LightKind::Directional, square = s.kind == LightKind::Rect;
+  const DVec3 d = distant ? -DVec3(s.axis) : DVec3(s.position) - DVec3(p.p);
+  const double d2 = glm::dot(d, d);
+  const Vec3 w(d / std::sqrt(d2)), towards = at.frame.toLocal(w);
+  RuleSize size = x <= kSeven ? RuleSize::Seven : x <= kMany ? RuleSize::Many : RuleSize::None;
+  if (size == RuleSize::None && out.glossy) {
+    SeenSize l{std::sqrt(double(size2_[place]) / (distant ? 1.0 : d2)), double(towards.z), double(glm::dot(w, p.ng)), -double(glm::dot(w, s.axis)),
+               kind == Patches};
+    if (s.twoSided) l.turned = std::fabs(l.turned);
+    size = std::max(sizeOf(at, l, towards), RuleSize::Points64);
+  }
+  if (size == RuleSize::None) {
     ++ways.sampled;
     return sampled(at, place, out);
   }
-  ++(size == Seven ? ways.seven : size == Many ? ways.many : ways.dense);
-  const bool square = s.kind == LightKind::Rect;
-  const QuadratureRule& rule = ruleOf(square, size);
-
-  BsdfLook::Directions way;
-  BsdfLook::Lobes lobes;
-  alignas(32) float weight[BsdfLook::kMost];
-  double sum[4][kLane] = {};  // lane by lane: in one order whatever the machine's registers
-  const auto add = [&](size_t count) {
-    at.look.at(way, count, lobes);
-    const float* const parts[4] = {lobes.diffuse, lobes.facets, lobes.grazing, lobes.bounced};
-    for (size_t part = 0; part < (out.glossy ? 4 : 1); ++part)
-      for (size_t k = 0; k < count; k += kLane)
-        for (size_t i = 0; i < kLane; ++i) sum[part][i] += double(weight[k + i]) * double(parts[part][k + i]);
-  };
-  const bool distant = s.kind == LightKind::Directional;
-  const DVec3 d = distant ? -DVec3(s.axis) : DVec3(s.position) - DVec3(p.p);
+  ++(size == RuleSize::Seven ? ways.seven : size == RuleSize::Many ? ways.many : ways.dense);
+  WeightedLobes f(at.look, out.glossy);
   if (kind == Caps) {
-    const double d2 = glm::dot(d, d), sine2 = double(size2_[place]) / (distant ? 1.0 : d2), gap = sine2 / (1.0 + std::sqrt(1.0 - sine2));
+    const LightRule& rule = lightRule(RuleShape::Disk, size);
+    const double sine2 = double(size2_[place]) / (distant ? 1.0 : d2), gap = sine2 / (1.0 + std::sqrt(1.0 - sine2));
     const float drop = float(gap), scale = float(2.0 * std::numbers::pi * gap * double(scale_[place]));
-    const Frame f(at.frame.toLocal(Vec3(d / std::sqrt(d2))));
+    const Frame frame(towards);
     for (size_t begin = 0; begin < rule.count(); begin += BsdfLook::kMost) {
       const size_t count = std::min(BsdfLook::kMost, rule.count() - begin);
       for (size_t k = 0; k < count; ++k) {
         // The disk's area is the cap's: 1 - cosine is drop by the squared radius.
-        const float fall = rule.r2[begin + k] * drop, side = std::sqrt(drop * (2.0f - fall)), x = rule.x[begin + k] * side, y = rule.y[begin + k] * side,
+        const float fall = rule.r2[begin + k] * drop, side = std::sqrt(drop * (2.0f - fall)), u = rule.x[begin + k] * side, v = rule.y[begin + k] * side,
                     z = 1.0f - fall;
-        way.x[k] = f.x.x * x + f.y.x * y + f.z.x * z;
-        way.y[k] = f.x.y * x + f.y.y * y + f.z.y * z;
-        way.z[k] = f.x.z * x + f.y.z * y + f.z.z * z;
-        weight[k] = rule.weight[begin + k] * scale;
+        f.way.x[k] = frame.x.x * u + frame.y.x * v + frame.z.x * z;
+        f.way.y[k] = frame.x.y * u + frame.y.y * v + frame.z.y * z;
+        f.way.z[k] = frame.x.z * u + frame.y.z * v + frame.z.z * z;
+        f.weight[k] = rule.weight[begin + k] * scale;
       }
-      add(count);
+      f.add(count);
     }
   } else {
-    const Frame f(s.axis);
-    const Vec3 c = at.frame.toLocal(Vec3(d)), u = at.frame.toLocal(square ? s.u : f.x * s.radius), v = at.frame.toLocal(square ? s.v : f.y * s.radius);
-    // The patch's plane is as far from the point everywhere: its cosine needs no difference of near numbers.
-    const float height = float(s.twoSided ? std::fabs(glm::dot(d, DVec3(s.axis))) : std::max(-glm::dot(d, DVec3(s.axis)), 0.0));
-    for (size_t begin = 0; begin < rule.count(); begin += BsdfLook::kMost) {
-      const size_t count = std::min(BsdfLook::kMost, rule.count() - begin);
-      for (size_t k = 0; k < count; ++k) {
-        const float x = c.x + u.x * rule.x[begin + k] + v.x * rule.y[begin + k], y = c.y + u.y * rule.x[begin + k] + v.y * rule.y[begin + k],
-                    z = c.z + u.z * rule.x[begin + k] + v.z * rule.y[begin + k];
-        const float inverse = 1.0f / std::sqrt(x * x + y * y + z * z), square2 = inverse * inverse;
-        way.x[k] = x * inverse;
-        way.y[k] = y * inverse;
-        way.z[k] = z * inverse;
-        weight[k] = rule.weight[begin + k] * scale_[place] * height * inverse * square2;
-      }
-      add(count);
+    const Frame frame(s.axis);
+    const Vec3 u = at.frame.toLocal(square ? s.u : frame.x * s.radius), v = at.frame.toLocal(square ? s.v : frame.y * s.radius);
+    const double height = -glm::dot(d, DVec3(s.axis));
+    f.addFlat(lightRule(square ? RuleShape::Square : RuleShape::Disk, size), at.frame.toLocal(Vec3(d)), u, v, scale_[place],
+              float(s.twoSided ? std::fabs(height) : std::max(height, 0.0)));
+  }
+  give(at, place, f, out);
+}
+
+/// A rectangle at infinity: the diffuse lobe under its centre (direct_unoccluded.h), the glossy one under all of it.
+void LightList::square(const Point& at, size_t place, Values& out, Ways& ways) const {
+  const size_t i = size_t(index_[place]);
+  const LightShape& s = shapes_[i];
+  const Vec3 w = -s.axis, towards = at.frame.toLocal(w);
+  const float above = glm::dot(w, at.lit.ng);
+  const double sine = 0.5 * std::hypot(double(s.skyRectangle.x), double(s.skyRectangle.y));
+  if (std::min(double(towards.z), double(above)) < -sine) {
+    ++ways.closed;
+    for (int c = 0; c < 3; ++c) {
+      out.diffuse[c][place] = 0.0f;
+      if (out.glossy) out.specular[c][place] = 0.0f;
     }
+    return;
   }
-  double part[4] = {0, 0, 0, 0};
-  for (size_t i = 0; i < kLane; ++i)
-    for (size_t k = 0; k < 4; ++k) part[k] += sum[k][i];
-  for (int c = 0; c < 3; ++c) {
-    out.diffuse[c][place] = at.look.albedo[c] * float(part[0]) * power_[c][place];
-    if (out.glossy)
-      out.specular[c][place] =
-          float(double(at.look.facets[c]) * part[1] + double(at.look.grazing[c]) * part[2] + double(at.look.bounced[c]) * part[3]) * power_[c][place];
+  BsdfLook::Directions way;
+  BsdfLook::Lobes centre;
+  for (size_t k = 0; k < kLane; ++k) way.x[k] = towards.x, way.y[k] = towards.y, way.z[k] = above > 0.0f ? towards.z : -1.0f;
+  at.look.at(way, kLane, centre);
+  if (out.glossy) {
+    const RuleSize size = sizeOf(at, {sine, double(towards.z), double(above), 1.0, true}, towards);
+    if (size > kMostOfSquares) {
+      ++ways.sampled;
+      return sampled(at, place, out);
+    }
+    ++(size == RuleSize::One ? ways.one : size == RuleSize::Many ? ways.many : ways.dense);
+    WeightedLobes f(at.look, true);
+    f.addFlat(lightRule(RuleShape::Square, size), towards, at.frame.toLocal(edges_[0][i]), at.frame.toLocal(edges_[1][i]), scale_[place], 1.0f);
+    give(at, place, f, out);
+  } else {
+    ++ways.closed;
   }
+  for (int c = 0; c < 3; ++c) out.diffuse[c][place] = at.look.albedo[c] * centre.diffuse[0] * power_[c][place];
+}
+
+/// A mesh light by the rules of its triangles, if all of them have one.
+void LightList::mesh(const Point& at, size_t place, Values& out, Ways& ways) const {
+  const UnoccludedLight& whole = whole_[size_t(index_[place])];
+  const LitPoint& p = at.lit;
+  if (Vec3 f; !out.glossy) {
+    const bool closed = whole.closedForm(p, LobePart::Diffuse, f);
+    ++(closed ? ways.closed : ways.sampled);
+    if (!closed) return sampled(at, place, out);
+    for (int c = 0; c < 3; ++c) out.diffuse[c][place] = f[c] * power_[c][place];
+    return;
+  }
+  struct Shown {
+    const LightFacet* facet;
+    Vec3 corner;
+    float height;
+    const LightRule* rule;
+  };
+  std::array<Shown, UnoccludedLight::kMostFacets> shown;
+  size_t count = 0, points = 0;
+  RuleSize largest = RuleSize::One;
+  for (const LightFacet& f : whole.facets()) {
+    UnoccludedLight::SeenFacet seen;
+    if (!whole.sees(p, f, seen)) continue;
+    const DVec3 centre = (seen.corners[0] + seen.corners[1] + seen.corners[2]) / 3.0;
+    double reach2 = 0;
+    for (const DVec3& c : seen.corners) reach2 = std::max(reach2, glm::dot(c - centre, c - centre));
+    const double d2 = std::max(glm::dot(centre, centre), 1e-300), height = std::fabs(glm::dot(seen.corners[0], DVec3(f.n)));
+    const Vec3 w(centre / std::sqrt(d2)), towards = at.frame.toLocal(w);
+    const RuleSize size = sizeOf(at, {std::sqrt(reach2 / d2), double(towards.z), double(glm::dot(w, p.ng)), height / std::sqrt(d2), true}, towards);
+    const LightRule& rule = lightRule(RuleShape::Triangle, std::min(size, RuleSize::Points1024));
+    points += rule.count();
+    if (size == RuleSize::None || points > kMostPoints) {
+      ++ways.sampled;
+      return sampled(at, place, out);
+    }
+    largest = std::max(largest, size);
+    shown[count++] = {&f, Vec3(seen.corners[0]), float(height), &rule};
+  }
+  WeightedLobes sum(at.look, true);
+  for (const Shown& s : std::span(shown.data(), count)) {
+    const LightFacet& f = *s.facet;
+    sum.addFlat(*s.rule, at.frame.toLocal(s.corner), at.frame.toLocal(f.e1), at.frame.toLocal(f.e2),
+                float(0.5 * glm::length(glm::cross(DVec3(f.e1), DVec3(f.e2)))), s.height);
+  }
+  ++(largest == RuleSize::One ? ways.one : largest <= RuleSize::Many ? ways.many : ways.dense);
+  give(at, place, sum, out);
 }
 
 }  // namespace terms

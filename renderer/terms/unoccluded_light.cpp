@@ -88,6 +88,21 @@ BsdfValue UnoccludedLight::lobes(const LitPoint& r, size_t element) const {
   return out;
 }
 
+bool UnoccludedLight::sees(const LitPoint& r, const LightFacet& facet, SeenFacet& out) const {
+  const DVec3 p(r.p), corner = DVec3(facet.p) - p;
+  if (!twoSided_ && glm::dot(corner, DVec3(facet.n)) >= 0) return false;
+  out = {{corner, corner + DVec3(facet.e1), corner + DVec3(facet.e2)}, false};
+  double highest[2] = {-1, -1}, reach = 0;
+  for (const DVec3& c : out.corners) {
+    const double up[2] = {glm::dot(c, DVec3(r.n)), glm::dot(c, DVec3(r.ng))};
+    for (int k = 0; k < 2; ++k) highest[k] = std::max(highest[k], up[k]);
+    out.crossed = out.crossed || up[1] <= 0;
+    reach = std::max(reach, glm::dot(c, c));
+  }
+  const double rounding = 1e-5 * std::sqrt(reach) + 4e-7 * std::max({std::fabs(p.x), std::fabs(p.y), std::fabs(p.z)});
+  return highest[0] > rounding && highest[1] > rounding;
+}
+
 bool UnoccludedLight::closedForm(const LitPoint& r, LobePart lobe, Vec3& value) const {
   const LightShape& s = shape_;
   if (!r.lambert()) return false;
@@ -109,6 +124,17 @@ bool UnoccludedLight::closedForm(const LitPoint& r, LobePart lobe, Vec3& value) 
       if (below > 0) return below == 4;
     }
     value = r.bsdf.albedo * float(rectFormFactor(p, n, corner, 2.0 * u, 2.0 * v));
+    return true;
+  }
+  if (!facets_.empty()) {
+    double sum = 0;
+    for (const LightFacet& f : facets_) {
+      SeenFacet seen;
+      if (!sees(r, f, seen)) continue;
+      if (seen.crossed && r.n != r.ng) return false;
+      sum += triangleFormFactor(seen.corners, n);
+    }
+    value = r.bsdf.albedo * float(sum);
     return true;
   }
   if (s.kind == LightKind::Disk) {

@@ -5,6 +5,9 @@
 // Cost: 20 ns (delta lights over Lambert) to `samples` times 0.3 us (glossy surfaces under lights of some size).
 #pragma once
 
+#include <span>
+#include <vector>
+
 #include "scene/camera.h"
 #include "terms/direct_unoccluded.h"
 #include "trace/bsdf.h"
@@ -52,14 +55,24 @@ class UnoccludedLight {
  public:
   /// `light`: its index in the scene, one of the sampler's subset, which may hold others. `samples`, `seed`: for what has no closed form.
   UnoccludedLight(const LightSampler& sampler, const LightShape& shape, int light, int samples, uint64_t seed)
-      : sampler_(&sampler), shape_(shape), light_(light), samples_(samples), seed_(seed) {}
+      : sampler_(&sampler), shape_(shape), light_(light), samples_(samples), seed_(seed), facets_(sampler.facets(light, kMostFacets, twoSided_)) {}
   /// `element`: of the whole picture's view samples; decides the random numbers. 0 where the surface is a delta one (bsdfIsDelta).
   Vec3 at(const LitPoint& r, size_t element, LobePart lobe) const;
   /// Both lobes apart: at() of each.
   BsdfValue lobes(const LitPoint& r, size_t element) const;
   /// The same, exactly, for Lambert receivers of rectangles and balls whose visible part is the same by both normals, and of disks above both horizons.
-  /// False: it is none of these.
+  /// And of mesh lights with facets(). False: it is none of these.
   bool closedForm(const LitPoint& r, LobePart lobe, Vec3& value) const;
+  /// Triangles of a mesh light that shines evenly and has few of them (kMostFacets); empty of others.
+  std::span<const LightFacet> facets() const { return facets_; }
+  /// A facet as a point has it: its corners from there.
+  struct SeenFacet {
+    DVec3 corners[3];
+    bool crossed;  ///< by the geometric horizon
+  };
+  /// False: none of it shines there, as it is turned away or below a horizon; to 1e-5 of its distance, for a surface that shines is in its own.
+  bool sees(const LitPoint& r, const LightFacet& facet, SeenFacet& out) const;
+  static constexpr size_t kMostFacets = 32;
 
  private:
   bool sunlit(const LitPoint& r, Vec3& value) const;
@@ -73,6 +86,8 @@ class UnoccludedLight {
   LightShape shape_;
   int light_, samples_;
   uint64_t seed_;
+  bool twoSided_ = false;
+  std::vector<LightFacet> facets_;
 };
 
 }  // namespace terms

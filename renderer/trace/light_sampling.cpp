@@ -190,6 +190,14 @@ Vec3 LightSampler::emitted(int i, const Vec3& direction, uint32_t primitive, flo
   }
 }
 
+std::vector<LightFacet> LightSampler::facets(int i, size_t most, bool& twoSided) const {
+  const int r = impl_->record(i);
+  if (impl_->shapes[r].kind != LightKind::Mesh) return {};
+  const MeshLight& mesh = impl_->meshes[impl_->own[r]];
+  twoSided = mesh.doubleSided();
+  return mesh.facets(most);
+}
+
 int LightSampler::intersectAreaLights(const Ray& ray, float& t, Vec3& Ng, bool cameraVisibleOnly) const {
   return impl_->area.intersect(ray, cameraVisibleOnly, t, Ng);
 }

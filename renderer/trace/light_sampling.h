@@ -7,6 +7,7 @@
 
 #include "base/stop.h"
 #include "scene/scene.h"
+#include "trace/light_facet.h"
 
 namespace gobo {
 inline namespace trace {
@@ -45,6 +46,9 @@ class LightSampler {
   /// These lights block nothing (shadow rays do not see them): a ray that is to meet every light on its way asks again with
   /// tmin = the t it got. cameraVisibleOnly: lights hidden from the camera are passed.
   int intersectAreaLights(const Ray& ray, float& t, Vec3& Ng, bool cameraVisibleOnly = false) const;
+
+  /// Of a mesh light that shines evenly and has no more than `most` triangles: them, and whether they shine to both sides. Empty of others.
+  std::vector<LightFacet> facets(int i, size_t most, bool& twoSided) const;
 
   struct Impl;
   const Impl& impl() const { return *impl_; }

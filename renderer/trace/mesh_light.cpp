@@ -93,6 +93,14 @@ MeshLight::MeshLight(const SceneView& view, uint32_t instance, const StopToken& 
   for (size_t k = 0; k < count; ++k) facing_.add(triangles_[k].p, triangles_[k].n, areas[k] > 0 ? weights[k] / total : 0.0);
 }
 
+std::vector<LightFacet> MeshLight::facets(size_t most) const {
+  std::vector<LightFacet> out;
+  if (emission_ || coverage_.mode != AlphaMode::Opaque || triangles_.size() > most) return out;
+  for (const Triangle& t : triangles_)
+    if (t.areaDensity > 0.0f) out.push_back({t.p, t.e1, t.e2, t.n});
+  return out;
+}
+
 Vec2 MeshLight::uv(const TextureRef& ref, uint32_t primitive, float u, float v) const {
   const Array<Vec2>& set = mesh_.uv[ref.texcoord];
   return transformUv(ref, set.empty() ? Vec2(0.0f) : interpolate(set, mesh_.indices.data() + 3 * size_t(primitive), u, v));

@@ -12,6 +12,7 @@
 #include "trace/alias_table.h"
 #include "trace/area_lights.h"
 #include "trace/facing_triangles.h"
+#include "trace/light_facet.h"
 
 namespace gobo {
 inline namespace trace {
@@ -26,6 +27,9 @@ class MeshLight {
   /// Emission texture at a point of a triangle, 0 behind a one-sided one. Coverage is not applied: the ray that hit has passed it.
   Vec3 emitted(const Vec3& direction, uint32_t primitive, float u, float v) const;
   double area() const { return area_; }
+  /// A light of a few triangles that shine evenly, without texture or coverage: those that have an area, at most `most`. Empty else.
+  std::vector<LightFacet> facets(size_t most) const;
+  bool doubleSided() const { return coverage_.doubleSided; }
 
  private:
   struct Triangle {

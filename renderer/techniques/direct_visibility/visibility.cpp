@@ -187,7 +187,8 @@ NodeId planUnoccluded(PlanContext& c, int light, const ScenePtr& scene, const Ve
   const bool square = shape.kind == LightKind::Directional && shape.skyRectangle != Vec2(0.0f);
   s.samples = square ? kSquareSamples : delta ? 1 : kUnoccludedSamples;
   s.seed = delta ? 0 : c.request().seed();
-  s.ruled = LightList::hasRules(shape);
+  s.ruled = LightList::hasRules(shape) ||
+            (shape.kind == LightKind::Mesh && scene->meshes[size_t(scene->instances[shape.instance].mesh)]->triangles() <= UnoccludedLight::kMostFacets);
   s.extended = c.kinds().extended;
   return c.source(makeDirectUnoccludedNode(s), {c.gbuffer(), c.surface()}, {light}, withLobe("unoccluded:" + scene->lights[size_t(light)].name, lobe), scene,
                   transient);

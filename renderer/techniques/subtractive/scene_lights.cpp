@@ -43,7 +43,7 @@ class UnshadowedLightsNode final : public Node {
  public:
   explicit UnshadowedLightsNode(SceneLightsSettings s) : s_(std::move(s)) {}
   std::string type() const override { return "unshadowed_lights"; }
-  int version() const override { return 3; }  // 2: lights of some size by quadrature where that is as good; 3: nearly everywhere
+  int version() const override { return 4; }  // 2: lights of some size by quadrature where that is as good; 3: nearly everywhere; 4: mesh lights too
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kLightFacets;
@@ -105,7 +105,7 @@ class SceneLightSamplesNode final : public SamplesNode {
  public:
   explicit SceneLightSamplesNode(LightSamplesSettings s) : SamplesNode(s.from.view, s.resampling), s_(std::move(s)) {}
   std::string type() const override { return "subtractive_light_samples"; }
-  int version() const override { return 3; }  // as unshadowed_lights
+  int version() const override { return 4; }  // as unshadowed_lights
   NodeTraits traits() const override {
     NodeTraits t = SamplesNode::traits();
     t.facets = t.facets | kLightFacets;

@@ -4,12 +4,16 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <random>
 
 #include "lamp_stage.h"
 #include "scene/builtin/build.h"
+#include "scene/light_axes.h"
+#include "trace/distant_light.h"
 
 namespace gobo::subtractive_test {
 namespace {
@@ -91,10 +95,11 @@ TEST(BsdfLook, CoversNothingThatItDoesNotHave) {
 
 /// Lists over lights that stand alone in a scene.
 struct Listed {
-  Listed(const std::vector<Light>& lamps, int samples = 32) : scene(withLamps(floorScene([](SceneMaker&, int) {}), lamps)) {
-    for (size_t l = 0; l < lamps.size(); ++l) {
+  Listed(const std::vector<Light>& lamps, int samples = 32) : Listed(withLamps(floorScene([](SceneMaker&, int) {}), lamps), samples) {}
+  Listed(const ScenePtr& lit, int samples) : scene(lit) {
+    for (size_t l = 0; l < scene->lights.size(); ++l) {
       subset.push_back(int(l));
-      asked.push_back({int(l), lamps[l].power});
+      asked.push_back({int(l), scene->lights[l].power});
     }
     view = std::make_unique<SceneView>(*scene, Facet::LightShape | Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Emission, subset);
     sampler = LightSampler::build(*view);
@@ -147,14 +152,22 @@ BsdfValue dense(const LitPoint& p, const LightShape& s, const int kRings = 48, c
     weights[held] = weight;
     if (++held == BsdfLook::kMost) flush();
   };
-  const bool sun = s.kind == LightKind::Directional;
-  const DVec3 d = sun ? -DVec3(s.axis) : DVec3(s.position) - DVec3(p.p);
+  const bool square = s.skyRectangle != Vec2(0.0f), sun = s.kind == LightKind::Directional && !square;
+  const Frame sky = square ? mapFrame(s) : Frame(Vec3(0, 0, 1));
+  const double irradiance = square ? DistantLight(s).irradiance() : 0.0;
+  const DVec3 d = sun || square ? -DVec3(s.axis) : DVec3(s.position) - DVec3(p.p);
   const double sine = sun ? std::sin(0.5 * double(s.angularSize)) : double(s.radius) / glm::length(d), drop = 1.0 - std::sqrt(1.0 - sine * sine);
   const Vec3 centre(glm::normalize(d));
   const Frame f(s.kind == LightKind::Disk ? s.axis : centre);
   for (int i = 0; i < kRings; ++i)
     for (int k = 0; k < kSpokes; ++k) {
       const double r2 = (i + 0.5) / kRings, phi = 2.0 * std::numbers::pi * (k + 0.5) / kSpokes;
+      if (square) {
+        const double x = s.skyRectangle.x * ((i + 0.5) / kRings - 0.5), y = s.skyRectangle.y * ((k + 0.5) / kSpokes - 0.5),
+                     c = 1.0 / std::sqrt(1.0 + x * x + y * y);
+        add((d + DVec3(sky.x) * x + DVec3(sky.y) * y) * c, double(s.skyRectangle.x) * s.skyRectangle.y * c * c * c / irradiance / (kRings * kSpokes));
+        continue;
+      }
       if (s.kind == LightKind::Sphere || sun) {
         const double fall = r2 * drop, side = std::sqrt(fall * (2.0 - fall));
         add(DVec3(f.x) * (side * std::cos(phi)) + DVec3(f.y) * (side * std::sin(phi)) + DVec3(f.z) * (1.0 - fall),
@@ -286,6 +299,163 @@ TEST(LightList, LargeLightsOverGlossAreTheirMeanWithinTheStatedBound) {
   EXPECT_LT(cut.sum / cut.count, sqr(0.002));
   EXPECT_LT(whole.sum, 0.01 * whole.sampled);
   EXPECT_LT(cut.sum, 0.01 * cut.sampled);
+}
+
+/// A rectangle's two triangles, the mesh light of a scene of its own.
+ScenePtr meshOf(const LightShape& s) {
+  SceneMaker m;
+  const int shining = m.material(Vec3(0.0f), [&](Material& x) {
+    x.emission.radiance = Vec3(1.0f);
+    x.coverage.doubleSided = s.twoSided;
+  });
+  Vec3 u = 2.0f * s.u, v = 2.0f * s.v;
+  if (glm::dot(glm::cross(u, v), s.axis) < 0) std::swap(u, v);
+  m.instance(m.mesh(tests::quad(s.position - s.u - s.v, u, v), shining));
+  m.camera(Vec3(0, 6, 0.001f), Vec3(0, 0, 0), 0.7f);
+  return m.finish();
+}
+
+// A mesh light is the sum of its triangles: those of a rectangle give what the rectangle does, exactly to Lambert surfaces.
+TEST(LightList, MeshLightsOfFewTrianglesAreTheirMeanWithinTheStatedBound) {
+  Draws draw(31);
+  double sum[2] = {0, 0}, sampled = 0;
+  int counts[2] = {0, 0}, lambert = 0, left = 0;
+  LightList::Ways ways;
+  for (int trial = 0; trial < 600; ++trial) {
+    LitPoint p = pointOf(draw, trial);
+    Vec3 way = Frame(p.n).toWorld(draw.up(-0.1f));
+    if (trial % 3 == 0) way = glm::normalize(glm::reflect(-p.wo, p.n) + 0.2f * way);  // in the highlight
+    const float distance = draw.in(0.5f, 8.0f), size = std::pow(10.0f, draw.in(-2.5f, 0.2f));
+    Light l = lamp(LightKind::Rect, p.p + way * distance, Vec3(1.0f), -way + 0.8f * draw.up(-1.0f));
+    l.shape.u *= 2.0f * size * distance;
+    l.shape.v *= 2.0f * size * distance;
+    l.shape.twoSided = trial % 8 == 7;
+    const Listed rect({l}), mesh(meshOf(l.shape), 32);
+    ASSERT_EQ(mesh.asked.size(), 1u);
+    const LightList::Ways w = mesh.list->ways(p, 5);
+    ASSERT_EQ(w.one + w.seven + w.many + w.dense + w.closed + w.sampled, 1u);
+    ways.one += w.one, ways.many += w.many, ways.dense += w.dense, ways.closed += w.closed;
+    left += int(w.sampled);
+    if (w.sampled) continue;
+    LightList::Values v;
+    const BsdfValue got = mesh.list->only(p, 5, v);
+    if (w.closed) {
+      const BsdfValue exact = UnoccludedLight(*rect.sampler, rect.view->lightShape(0), 0, 32, 9).lobes(p, 5);
+      ASSERT_NEAR(got.diffuse.y, exact.diffuse.y, 1e-5f * exact.diffuse.y + 1e-9f) << trial;
+      ++lambert;
+      continue;
+    }
+    const BsdfValue truth = dense(p, l.shape, 300, 300), drawn = UnoccludedLight(*mesh.sampler, mesh.view->lightShape(0), 0, 32, 9).lobes(p, 5);
+    const bool plain = p.n == p.ng && w.dense == 0;
+    for (int k = 0; k < 2; ++k) {
+      const double a = double((k == 0 ? got.diffuse : got.specular).y), b = double((k == 0 ? truth.diffuse : truth.specular).y),
+                   d = double((k == 0 ? drawn.diffuse : drawn.specular).y);
+      if (!(b > 1e-4)) continue;
+      if (plain) { ASSERT_NEAR(a, b, 0.002 * b) << trial; }
+      sum[plain ? 0 : 1] += sqr((a - b) / b);
+      sampled += sqr((d - b) / b);
+      ++counts[plain ? 0 : 1];
+    }
+  }
+  std::printf("mesh lights: %d within %.5f RMS by up to 16 points, %d within %.5f by more, 32 samples %.4f, %d left to them\n", counts[0],
+              std::sqrt(sum[0] / counts[0]), counts[1], std::sqrt(sum[1] / counts[1]), std::sqrt(sampled / (counts[0] + counts[1])), left);
+  EXPECT_GT(counts[0], 40);
+  EXPECT_GT(counts[1], 100);
+  EXPECT_GT(lambert, 50);
+  EXPECT_LT(sum[1], 0.005 * 0.005 * counts[1]);
+  EXPECT_LT(sum[0] + sum[1], 0.01 * sampled);
+}
+
+// Triangles of any light that cannot be summed as they are, or are too many, are drawn from: by material, by count, and by what all of them would ask for.
+TEST(LightList, OtherMeshLightsAreDrawnFrom) {
+  const auto strip = [](int quads, const std::function<void(Material&)>& edit) {
+    SceneMaker m;
+    auto white = std::make_shared<Texture>();
+    white->width = white->height = 1;
+    white->texels8 = {255, 255, 255, 255};
+    sealTexture(*white);
+    m.scene.textures.push_back(white);
+    Mesh mesh;
+    for (int k = 0; k < quads; ++k) {
+      const Mesh one = tests::quad(Vec3(float(k) - 0.5f * float(quads), 1, -0.5f), Vec3(0.9f, 0, 0), Vec3(0, 0, 1));
+      for (const uint32_t i : one.indices) mesh.indices.push_back(i + uint32_t(mesh.positions.size()));
+      mesh.positions.insert(mesh.positions.end(), one.positions.begin(), one.positions.end());
+    }
+    mesh.indices.insert(mesh.indices.end(), {0, 1, 1});  // without area
+    m.instance(m.mesh(std::move(mesh), m.material(Vec3(0.0f), [&](Material& x) {
+      x.emission.radiance = Vec3(1.0f);
+      edit(x);
+    })));
+    m.camera(Vec3(0, 6, 0.001f), Vec3(0, 0, 0), 0.7f);
+    return std::make_unique<Listed>(m.finish(), 32);
+  };
+  const auto facets = [](const Listed& l) { return UnoccludedLight(*l.sampler, l.view->lightShape(0), 0, 32, 9).facets().size(); };
+  const auto none = [](Material&) {};
+  EXPECT_EQ(facets(*strip(1, none)), 2u);
+  EXPECT_EQ(facets(*strip(15, none)), 30u);
+  EXPECT_EQ(facets(*strip(16, none)), 0u);  // 33 with the one that has no area
+  EXPECT_EQ(facets(*strip(1, [](Material& x) { x.emission.texture.texture = 0; })), 0u);
+  EXPECT_EQ(facets(*strip(1, [](Material& x) { x.coverage.mode = AlphaMode::Mask; })), 0u);
+  EXPECT_EQ(facets(*strip(1, [](Material& x) { x.coverage.mode = AlphaMode::Blend; })), 0u);
+
+  LitPoint p;
+  p.p = Vec3(0.0f);
+  p.n = p.ng = Vec3(0, 1, 0);
+  p.wo = glm::normalize(Vec3(0.6f, 1, 0.1f));
+  p.bsdf.albedo = Vec3(0.5f);
+  p.bsdf.specular = 1.0f;
+  p.bsdf.roughness = 0.45f;
+  const auto two = [](Material& x) { x.coverage.doubleSided = true; };
+  // A surface that shines is in its own horizon, whatever is rounded: nothing of it is on itself, at any lobe.
+  const auto lit = strip(2, two);
+  Draws draw(43);
+  LightList::Values v;
+  for (const bool gloss : {false, true})
+    for (int k = 0; k < 200; ++k) {
+      LitPoint on = p;
+      on.p = Vec3(draw.in(-0.8f, 0.8f), std::nextafter(1.0f, k % 3 == 0 ? 0.0f : 2.0f), draw.in(-0.4f, 0.4f));
+      on.n = on.ng = glm::normalize(Vec3(draw.in(-1e-7f, 1e-7f), 1.0f, draw.in(-1e-7f, 1e-7f)));
+      on.bsdf.specular = gloss ? 1.0f : 0.0f;
+      const BsdfValue f = lit->list->only(on, 5, v);
+      ASSERT_EQ(f.diffuse, Vec3(0.0f)) << k;
+      ASSERT_EQ(f.specular, Vec3(0.0f)) << k;
+    }
+  EXPECT_EQ(strip(1, two)->list->ways(p, 5).dense, 1u);
+  EXPECT_EQ(strip(15, two)->list->ways(p, 5).sampled, 1u);
+}
+
+// Of lights that stand for an environment: diffuse lobes have their centres, glossy ones all of them.
+TEST(LightList, RectanglesAtInfinityAreTheirMeanToGlossWithinTheStatedBound) {
+  Draws draw(37);
+  double sum = 0, sampled = 0;
+  int count = 0, left = 0;
+  for (int trial = 0; trial < 400; ++trial) {
+    const LitPoint p = pointOf(draw, trial);
+    Vec3 way = Frame(p.n).toWorld(draw.up(-0.1f));
+    if (trial % 3 == 0) way = glm::normalize(glm::reflect(-p.wo, p.n) + 0.2f * way);  // in the highlight
+    Light l = lamp(LightKind::Directional, Vec3(0.0f), Vec3(1.0f), -way);
+    l.shape.skyRectangle = Vec2(std::pow(10.0f, draw.in(-2.0f, 0.0f)), std::pow(10.0f, draw.in(-2.0f, 0.0f)));
+    const Listed one({l});
+    const LightShape& shape = one.view->lightShape(0);
+    const LightList::Ways w = one.list->ways(p, 5);
+    ASSERT_EQ(w.one + w.seven + w.many + w.dense + w.closed + w.sampled, 1u);
+    left += int(w.sampled);
+    LightList::Values v;
+    const UnoccludedLight own(*one.sampler, shape, 0, 32, 9);
+    const BsdfValue got = one.list->only(p, 5, v), drawn = own.lobes(p, 5);
+    for (int c = 0; c < 3; ++c) ASSERT_NEAR(got.diffuse[c], drawn.diffuse[c], 2e-5f * drawn.diffuse[c] + 1e-9f) << trial;
+    if (w.sampled || w.closed) continue;
+    const double a = double(got.specular.y), b = double(dense(p, shape, 300, 300).specular.y), d = double(drawn.specular.y);
+    if (!(b > 1e-4)) continue;
+    sum += sqr((a - b) / b);
+    sampled += sqr((d - b) / b);
+    ++count;
+  }
+  std::printf("rectangles at infinity: %d within %.5f RMS, 32 samples %.4f, %d left to them\n", count, std::sqrt(sum / count), std::sqrt(sampled / count),
+              left);
+  EXPECT_GT(count, 100);
+  EXPECT_LT(sum, 0.005 * 0.005 * count);
+  EXPECT_LT(sum, 0.01 * sampled);
 }
 
 // What is seen from behind or from inside, or of a material that has no fast way: the house's own bits. A ball that is near or cut: by far more points.
