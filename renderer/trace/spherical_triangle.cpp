@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace gobo {
 inline namespace trace {
@@ -11,9 +10,6 @@ namespace {
 
 /// Height above the triangle's plane, over distances and coordinates, from which on it is more than rounding.
 constexpr double kPlane = 1e-5;
-
-/// Between unit vectors; exact for small angles and near pi.
-double angleBetween(const DVec3& a, const DVec3& b) { return 2.0 * std::atan2(glm::length(a - b), glm::length(a + b)); }
 
 /// What of x is perpendicular to the unit vector w, of length 1; any perpendicular where nothing is.
 DVec3 perpendicular(const DVec3& x, const DVec3& w) {
@@ -27,31 +23,32 @@ DVec3 perpendicular(const DVec3& x, const DVec3& w) {
 SphericalTriangle::SphericalTriangle(const Vec3& p, const Vec3& v, const Vec3& e1, const Vec3& e2)
     : corner_(DVec3(v) - DVec3(p)), e1_(e1), e2_(e2), normal_(glm::cross(e1_, e2_)) {
   area_ = 0.5 * glm::length(normal_);
-  const DVec3 corners[3] = {corner_, corner_ + e1_, corner_ + e2_};
-  const double la = glm::length(corners[0]), lb = glm::length(corners[1]), lc = glm::length(corners[2]);
-  const double longest = std::max({la, lb, lc});
+  const DVec3 A = corner_, B = corner_ + e1_, C = corner_ + e2_;
+  const double la = glm::length(A), lb = glm::length(B), lc = glm::length(C), longest = std::max({la, lb, lc});
   if (!(std::min({la, lb, lc}) > 1e-9 * longest)) return;
-  a_ = corners[0] / la;
-  b_ = corners[1] / lb;
-  c_ = corners[2] / lc;
-  const DVec3 ab = glm::cross(a_, b_), bc = glm::cross(b_, c_), ca = glm::cross(c_, a_);
-  const double lab = glm::length(ab), lbc = glm::length(bc), lca = glm::length(ca);
-  if (!(std::min({lab, lbc, lca}) > 1e-9)) return;
+  // Products by the edges: of nearly equal corners those of the corners would be differences.
+  const DVec3 ab = glm::cross(A, e1_), ac = glm::cross(A, e2_), bc = glm::cross(B, e2_ - e1_);
+  const auto narrow = [](const DVec3& product, double lengths) { return !(glm::dot(product, product) > 1e-18 * lengths * lengths); };
+  if (narrow(ab, la * lb) || narrow(ac, la * lc) || narrow(bc, lb * lc)) return;
   // In the triangle's plane as far as a float position can tell: a lamp's own points would see half a sphere of it, on either side.
+  const double volume = std::fabs(glm::dot(A, normal_));
   const double rounding = kPlane * (longest + std::max({std::fabs(double(p.x)), std::fabs(double(p.y)), std::fabs(double(p.z))}));
-  if (!(std::fabs(glm::dot(corner_, normal_)) > rounding * 2.0 * area_)) return;
-  const double alpha = angleBetween(ab / lab, -ca / lca), beta = angleBetween(bc / lbc, -ab / lab), gamma = angleBetween(ca / lca, -bc / lbc);
-  angles_ = alpha + beta + gamma;
-  cosAlpha_ = std::cos(alpha);
-  sinAlpha_ = std::sin(alpha);
-  if (!(sinAlpha_ > 1e-9)) return;
-  solidAngle_ = angles_ - std::numbers::pi;
+  if (!(volume > rounding * 2.0 * area_)) return;
+  // The angle at a: its cosine and sine times the same lengths.
+  const double x = glm::dot(ab, ac), y = la * volume, h = std::sqrt(x * x + y * y);
+  if (!(y > 1e-9 * h)) return;
+  cosAlpha_ = x / h;
+  sinAlpha_ = y / h;
+  a_ = A / la;
+  b_ = B / lb;
+  c_ = C / lc;
+  solidAngle_ = 2.0 * std::atan2(volume, la * lb * lc + glm::dot(A, B) * lc + glm::dot(B, C) * la + glm::dot(C, A) * lb);
 }
 
 DVec3 SphericalTriangle::sample(double u, double v, Vec2& barycentrics) const {
   // The corner c' for which the triangle a b c' has the share u of the solid angle; then a place on the arc from b to c'.
-  const double share = std::numbers::pi + u * (angles_ - std::numbers::pi), sinShare = std::sin(share), cosShare = std::cos(share);
-  const double sinPhi = sinShare * cosAlpha_ - cosShare * sinAlpha_, cosPhi = cosShare * cosAlpha_ + sinShare * sinAlpha_;
+  const double share = u * solidAngle_, sinShare = std::sin(share), cosShare = std::cos(share);
+  const double sinPhi = cosShare * sinAlpha_ - sinShare * cosAlpha_, cosPhi = -cosShare * cosAlpha_ - sinShare * sinAlpha_;
   const double k1 = cosPhi + cosAlpha_, k2 = sinPhi - sinAlpha_ * glm::dot(a_, b_);
   const double above = k2 + (k2 * cosPhi - k1 * sinPhi) * cosAlpha_, below = (k2 * sinPhi + k1 * cosPhi) * sinAlpha_;
   const double cosB = below != 0 ? std::clamp(above / below, -1.0, 1.0) : 1.0, sinB = std::sqrt(std::max(1.0 - cosB * cosB, 0.0));

@@ -92,6 +92,19 @@ TEST(DenoiseEdges, SamplesTakeTheLightOfTheirSurface) {
     }
 }
 
+// Light of a pixel that several surfaces share is nobody's, wherever their mean lies; a sample that misses has none.
+TEST(DenoiseEdges, MixedPixelsAndMissesGiveNothing) {
+  Edge e;
+  const size_t pixels = kW * kH, mixed = 3 * kW + 4, missed = 4 * kW + 5;
+  for (size_t s = 0; s < kS; ++s) e.P[3 * (s * pixels + mixed) + 2] = s % 2 ? 50.0f : -50.0f;  // slats about the front wall's plane
+  for (size_t c = 0; c < 3; ++c) e.rgb[3 * mixed + c] = 77.0f;
+  e.depth[missed] = std::numeric_limits<float>::infinity();
+  const TermPtr out = e.edges(LobePart::Diffuse);
+  const float front = 0.04f, back = 0.94f;
+  EXPECT_NEAR(out->floats("rgb")[3 * (mixed + 1)], (3 * front * 2.0f + back * 6.0f) / (3 * front + back), 1e-5f);
+  EXPECT_NEAR(out->floats("rgb")[3 * missed], (2 * front * 2.0f + back * 6.0f) / (2 * front + back), 1e-5f);
+}
+
 // Where no pixel shows a sample's surface whole, those that are like the pixel are averaged.
 TEST(DenoiseEdges, ThinThingsTakeThoseThatAreAlike) {
   Edge e;

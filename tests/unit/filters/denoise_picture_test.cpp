@@ -137,6 +137,10 @@ TEST(Similar, KnowsPlanesNormalsAndAlbedo) {
   EXPECT_NEAR(denoise::similarity(f, 0, 3, {2, 0, 0}), std::exp(-2 * 0.09f), 1e-6);
   position[3 * 2 + 1] = 0, position[3 * 2 + 2] = 0;
   EXPECT_NEAR(denoise::similarity(f, 0, 2, {0, 3, 0}), std::exp(-3 * 2 * 0.2f), 1e-5);
+  for (const size_t p : {0, 2})  // mean normals of curved surfaces are shorter: their directions count
+    for (size_t c = 0; c < 3; ++c) normal[3 * p + c] *= 0.5f;
+  EXPECT_EQ(denoise::similarity(f, 0, 0, {0, 10, 0}), 1.0f);
+  EXPECT_NEAR(denoise::similarity(f, 0, 2, {0, 3, 0}), std::exp(-3 * 2 * 0.2f), 1e-5);
   for (size_t p = 0; p < 4; ++p)
     for (size_t q = 0; q < 4; ++q) EXPECT_EQ(denoise::similarity(f, p, q, {1, 2, 3}), denoise::similarity(f, q, p, {1, 2, 3}));
   t->writable<float>("coverage")[1] = 0;

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Oracles: the solid angle of van Oosterom & Strackee 1983, and means of directions over the flat triangle weighted by cos / d^2.
+// Oracle: solid angles by Girard's excess of the three angles, in long double.
 #include "trace/spherical_triangle.h"
 
 #include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
 
 #include "support/chi2.h"
 
@@ -26,23 +29,28 @@ std::vector<Case> cases() {
   return out;
 }
 
-double oosterom(const Case& c) {
-  const DVec3 a = glm::normalize(DVec3(c.v) - DVec3(c.p)), b = glm::normalize(DVec3(c.v) + DVec3(c.e1) - DVec3(c.p)),
-              d = glm::normalize(DVec3(c.v) + DVec3(c.e2) - DVec3(c.p));
-  return 2 * std::fabs(std::atan2(glm::dot(a, glm::cross(b, d)), 1 + glm::dot(a, b) + glm::dot(b, d) + glm::dot(d, a)));
+/// Between the planes through `at` and the other two.
+long double angleAt(const glm::tvec3<long double>& at, const glm::tvec3<long double>& b, const glm::tvec3<long double>& c) {
+  const auto u = glm::normalize(glm::cross(at, b)), v = glm::normalize(glm::cross(at, c));
+  return 2 * std::atan2(glm::length(u - v), glm::length(u + v));
+}
+double excess(const Case& c) {
+  using Long = glm::tvec3<long double>;
+  const Long a = Long(c.v) - Long(c.p), b = a + Long(c.e1), d = a + Long(c.e2);
+  return double(angleAt(a, b, d) + angleAt(b, d, a) + angleAt(d, a, b) - std::numbers::pi_v<long double>);
 }
 
-TEST(SphericalTriangle, SolidAngleIsOosteroms) {
+TEST(SphericalTriangle, SolidAngleIsTheExcessOfItsAngles) {
   for (const Case& c : cases()) {
     const SphericalTriangle t(c.p, c.v, c.e1, c.e2);
-    if (oosterom(c) < 2e-6) continue;
+    if (excess(c) < 2e-6) continue;
     ASSERT_TRUE(t.valid());
-    EXPECT_NEAR(t.solidAngle(), oosterom(c), 1e-9 + 1e-9 * oosterom(c));
+    EXPECT_NEAR(t.solidAngle(), excess(c), 1e-9 + 1e-9 * excess(c));
     EXPECT_NEAR(t.area(), 0.5 * glm::length(glm::cross(DVec3(c.e1), DVec3(c.e2))), 1e-12);
   }
 }
 
-/// Shares of the solid angle of the triangle's four quarters: of the samples by barycentrics, against Oosterom's of each quarter.
+/// Shares of the solid angle of the triangle's four quarters: of the samples by barycentrics, against that of each quarter.
 TEST(SphericalTriangle, QuartersGetTheirShare) {
   for (const Case& c : cases()) {
     const SphericalTriangle t(c.p, c.v, c.e1, c.e2);
@@ -60,8 +68,8 @@ TEST(SphericalTriangle, QuartersGetTheirShare) {
     const Vec3 h1 = c.e1 * 0.5f, h2 = c.e2 * 0.5f;
     const Case quarters[4] = {{c.p, c.v, h1, h2}, {c.p, c.v + h1, h1, h2}, {c.p, c.v + h2, h1, h2}, {c.p, c.v + h1 + h2, -h1, -h2}};
     for (int q = 0; q < 4; ++q) {
-      const double share = oosterom(quarters[q]) / oosterom(c);
-      EXPECT_NEAR(count[q] / n, share, 4.5 * std::sqrt(std::max(share * (1 - share), 1e-9) / n) + 1e-4) << "quarter " << q << " of " << oosterom(c) << " sr";
+      const double share = excess(quarters[q]) / excess(c);
+      EXPECT_NEAR(count[q] / n, share, 4.5 * std::sqrt(std::max(share * (1 - share), 1e-9) / n) + 1e-4) << "quarter " << q << " of " << excess(c) << " sr";
     }
   }
 }
