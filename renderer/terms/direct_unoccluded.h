@@ -6,8 +6,8 @@
 // is narrower than the light would show one blinding point of it (by light and BSDF samples). A sun of some angular size reaches every lobe
 // from all of its disk.
 // Inputs: G-buffer, surface. Lambert surfaces have a closed form for point, spot, directional, rectangle (polygon form
-// factor, Lambert 1760), disk and sphere lights and suns; gloss under suns, balls, disks and rectangles has quadrature where terms/light_list.h bounds its
-// error; everything else is the mean over `samples` Owen-scrambled points (16 times as many where a light of some angular size at infinity lies in the
+// factor, Lambert 1760), disk and sphere lights, suns and mesh lights of few triangles; gloss under all these has quadrature where terms/light_list.h bounds
+// its error; everything else is the mean over `samples` Owen-scrambled points (16 times as many where a light of some angular size at infinity lies in the
 // highlight of a narrow lobe).
 #pragma once
 
