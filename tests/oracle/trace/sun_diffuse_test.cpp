@@ -48,7 +48,7 @@ class SunDiffuse : public ::testing::TestWithParam<std::tuple<float, float, bool
 
 TEST_P(SunDiffuse, IsTheIntegralOverItsDisk) {
   const auto [roughness, degrees, smooth] = GetParam();
-  const int kSize = 24, kGrid = thoroughOr(96, 48);
+  const int kSize = 24, kGrid = gobo::testing::thoroughOr(96, 48);
   SceneMaker m;
   m.instance(m.mesh(sphere(Vec3(0.0f), 1.0f, 32, smooth), m.material(Vec3(0.7f, 0.5f, 0.3f), [r = roughness](Material& x) {
     if (r == 0.0f) return;
