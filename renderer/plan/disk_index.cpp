@@ -5,10 +5,14 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "plan/sqlite_wal.h"
+
 namespace gobo {
 inline namespace plan {
 
 namespace {
+constexpr double kBusySeconds = 5;
+
 constexpr const char* kSchema = R"(
 CREATE TABLE IF NOT EXISTS term(key TEXT PRIMARY KEY, bytes INTEGER NOT NULL, used INTEGER NOT NULL) WITHOUT ROWID;
 CREATE INDEX IF NOT EXISTS term_used ON term(used, key);
@@ -56,12 +60,12 @@ bool DiskIndex::open(const std::string& path) {
     close();
     return false;
   }
-  sqlite3_busy_timeout(db_, 5000);
+  sqlite3_busy_timeout(db_, int(kBusySeconds * 1e3));
   // The last connection to close deletes "-wal" by its name, which may by then belong to a newer index: keep it instead.
   int keep = 1;
   sqlite3_file_control(db_, "main", SQLITE_FCNTL_PERSIST_WAL, &keep);
   // synchronous=NORMAL: a power cut may take back the last transactions but not the index; open() compares with the files.
-  bool good = exec("PRAGMA journal_mode=WAL") && exec("PRAGMA synchronous=NORMAL") && sound(db_);
+  bool good = enterWal(db_, kBusySeconds) == SQLITE_OK && exec("PRAGMA synchronous=NORMAL") && sound(db_);
   if (good) {
     const int version = pragmaInt(db_, "PRAGMA user_version");
     const bool empty = version == 0 && pragmaInt(db_, "SELECT count(*) FROM sqlite_schema") == 0;

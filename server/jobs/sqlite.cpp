@@ -4,6 +4,8 @@
 #include <sqlite3.h>
 #include <sys/stat.h>
 
+#include "plan/sqlite_wal.h"
+
 namespace gobo {
 inline namespace jobs {
 
@@ -31,7 +33,12 @@ Status Sqlite::open(const std::string& path, double busySeconds) {
     return failed;
   }
   sqlite3_busy_timeout(db_, int(busySeconds * 1e3));
-  for (const char* sql : {"PRAGMA journal_mode=WAL", "PRAGMA synchronous=FULL", "PRAGMA foreign_keys=ON"})
+  if (const int code = enterWal(db_, busySeconds); code != SQLITE_OK) {
+    const Status failed = error(code);
+    close();
+    return failed;
+  }
+  for (const char* sql : {"PRAGMA synchronous=FULL", "PRAGMA foreign_keys=ON"})
     if (const Status status = exec(sql); !status.ok()) {
       close();
       return status;

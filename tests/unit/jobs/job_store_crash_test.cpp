@@ -172,6 +172,31 @@ TEST_P(EachCrash, AStatementThatFailsRollsBackAndTheReportIsRepeated) {
 }
 
 // Three processes share the work; one kills itself while it holds a lease. Every frame is done once, tokens are never shared.
+// Whoever opens a store that is not there yet makes it; none of those who come together is turned away.
+TEST_P(EachCrash, ManyOpenANewStoreAtOnce) {
+  for (int round = 0; round < (postgres() ? 2 : 12); ++round) {
+    store.reset();
+    std::filesystem::remove_all(folder);
+    std::filesystem::create_directory(folder);
+    if (postgres()) dropSchema();
+    const std::string flag = folder + "/go";
+    std::vector<pid_t> children;
+    for (int n = 0; n < 6; ++n)
+      children.push_back(spawn([&] {
+        while (!std::filesystem::exists(flag)) ::usleep(200);
+        const auto opened = another();
+        if (!opened.ok()) std::fprintf(stderr, "%s\n", opened.status().toString().c_str());
+        ::_exit(opened.ok() ? 0 : 1);
+      }));
+    std::ofstream(flag).put('1');
+    for (const pid_t child : children) {
+      int status = 0;
+      ASSERT_EQ(::waitpid(child, &status, 0), child);
+      EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status << " in round " << round;
+    }
+  }
+}
+
 TEST_P(EachCrash, SeveralProcessesOnOneStore) {
   constexpr int kFrames = 60;
   options.now = nullptr;  // the real clock
