@@ -438,7 +438,7 @@ TEST(LightList, RectanglesAtInfinityAreTheirMeanToGlossWithinTheStatedBound) {
   for (int trial = 0; trial < 400; ++trial) {
     const LitPoint p = pointOf(draw, trial);
     Vec3 way = Frame(p.n).toWorld(draw.up(-0.1f));
-    if (trial % 3 == 0) way = glm::normalize(glm::reflect(-p.wo, p.n) + 0.2f * way);  // in the highlight
+    if (trial % 3 == 0) way = glm::normalize(glm::reflect(-p.wo, p.n) + 0.2f * way);                             // in the highlight
     if (trial % 20 == 4) way = glm::normalize(glm::normalize(p.n - p.ng * glm::dot(p.n, p.ng)) - 0.01f * p.ng);  // centre below the triangle alone
     Light l = lamp(LightKind::Directional, Vec3(0.0f), Vec3(1.0f), -way);
     l.shape.skyRectangle = Vec2(std::pow(10.0f, draw.in(-2.0f, 0.0f)), std::pow(10.0f, draw.in(-2.0f, 0.0f)));
