@@ -7,6 +7,8 @@
 // hit, and something where it asks for a light.
 #pragma once
 
+#include <limits>
+
 #if __has_include(<embree4/rtcore.h>)
 #include <embree4/rtcore.h>
 #define GOBO_EMBREE 4
@@ -83,11 +85,35 @@ inline bool isTraceable(float ox, float oy, float oz, float dx, float dy, float 
   return 0.0f * ox + 0.0f * oy + 0.0f * oz + 0.0f * dx + 0.0f * dy + 0.0f * dz == 0.0f && tnear == tnear && tfar == tfar;
 }
 inline bool isTraceable(const RTCRay& r) { return isTraceable(r.org_x, r.org_y, r.org_z, r.dir_x, r.dir_y, r.dir_z, r.tnear, r.tfar); }
-/// `valid` without the lanes that cannot be traced.
-inline void traceableLanes(const int* valid, const RTCRay16& r, int* lanes) {
-  for (int i = 0; i < 16; ++i)
-    lanes[i] = isTraceable(r.org_x[i], r.org_y[i], r.org_z[i], r.dir_x[i], r.dir_y[i], r.dir_z[i], r.tnear[i], r.tfar[i]) ? valid[i] : 0;
-}
+/// The lanes of `valid` that can be traced, and the others out of the way while Embree looks: where the processor has no vectors for 16 lanes (no AVX-512)
+/// Embree 3 does not read the mask, but passes rays whose interval is empty.
+class TracedLanes {
+ public:
+  TracedLanes(const int* valid, RTCRay16& ray) : ray_(ray) {
+    for (int i = 0; i < 16; ++i) {
+      near_[i] = ray.tnear[i];
+      far_[i] = ray.tfar[i];
+      lanes_[i] = isTraceable(ray.org_x[i], ray.org_y[i], ray.org_z[i], ray.dir_x[i], ray.dir_y[i], ray.dir_z[i], near_[i], far_[i]) ? valid[i] : 0;
+      ray.tnear[i] = lanes_[i] ? near_[i] : kInf;
+      ray.tfar[i] = lanes_[i] ? far_[i] : -kInf;
+    }
+  }
+  ~TracedLanes() {
+    for (int i = 0; i < 16; ++i) {
+      ray_.tnear[i] = near_[i];
+      ray_.tfar[i] = lanes_[i] ? ray_.tfar[i] : far_[i];
+    }
+  }
+  TracedLanes(const TracedLanes&) = delete;
+  TracedLanes& operator=(const TracedLanes&) = delete;
+  const int* lanes() const { return lanes_; }
+
+ private:
+  static constexpr float kInf = std::numeric_limits<float>::infinity();
+  RTCRay16& ray_;
+  alignas(64) int lanes_[16];
+  alignas(64) float near_[16], far_[16];
+};
 
 inline void intersect1(RTCScene s, Context& c, RTCRayHit& r, bool coherent, RTCFilterFunctionN filter = nullptr) {
   if (isTraceable(r.ray)) intersect1Unchecked(s, c, r, coherent, filter);
@@ -96,16 +122,19 @@ inline void occluded1(RTCScene s, Context& c, RTCRay& r) {
   if (isTraceable(r)) occluded1Unchecked(s, c, r);
   else r.tfar = -1.0f;
 }
+/// Lanes that are not valid are left as they are.
 inline void intersect16(const int* valid, RTCScene s, Context& c, RTCRayHit16& r, bool coherent, RTCFilterFunctionN filter = nullptr) {
-  alignas(64) int lanes[16];
-  traceableLanes(valid, r.ray, lanes);
-  intersect16Unchecked(lanes, s, c, r, coherent, filter);
+  const TracedLanes traced(valid, r.ray);
+  intersect16Unchecked(traced.lanes(), s, c, r, coherent, filter);
 }
 inline void occluded16(const int* valid, RTCScene s, Context& c, RTCRay16& r, bool coherent) {
-  alignas(64) int lanes[16];
-  traceableLanes(valid, r, lanes);
-  occluded16Unchecked(lanes, s, c, r, coherent);
-  for (int i = 0; i < 16; ++i) r.tfar[i] = lanes[i] == valid[i] ? r.tfar[i] : -1.0f;
+  alignas(64) int lost[16];
+  {
+    const TracedLanes traced(valid, r);
+    for (int i = 0; i < 16; ++i) lost[i] = valid[i] & ~traced.lanes()[i];
+    occluded16Unchecked(traced.lanes(), s, c, r, coherent);
+  }
+  for (int i = 0; i < 16; ++i) r.tfar[i] = lost[i] ? -1.0f : r.tfar[i];
 }
 
 }  // namespace gobo::embree
