@@ -106,6 +106,8 @@ void printPlan(const v1::PlanReply& reply, bool everyRow) {
   printNodes(reply.plan(), everyRow);
   std::printf("expected: %.1f ms, %llu rays; at most %s held at once\n", reply.ms(), static_cast<unsigned long long>(reply.rays()),
               bytesText(reply.pinned_bytes()).c_str());
+  std::printf("expected time: %s\n", reply.time_from().empty() ? "that of the documented machine; nothing has run here yet"
+                                                               : ("as measured on " + escaped(reply.time_from())).c_str());
   if (reply.error_from().empty()) std::printf("expected error: not known; this daemon has shown no snapshots and certified no picture of the scene\n");
   else
     std::printf("expected error:%s%s; from %s\n", reply.rmse() > 0 ? strf(" RMSE %.3g", reply.rmse()).c_str() : "",

@@ -2,6 +2,7 @@
 #include "plan/describe_unrun.h"
 
 #include <algorithm>
+#include <array>
 #include <map>
 
 namespace gobo {
@@ -12,19 +13,19 @@ namespace {
 struct Rows {
   const Plan& plan;
   Executor& executor;
-  const TermStore& store;
+  const ExecutorServices& services;
   std::vector<TermStore::Tier> found;
   std::vector<int> makings;  // how often it would be made; -1: found
 
-  Rows(const Plan& p, Executor& e, const TermStore& s)
-      : plan(p), executor(e), store(s), found(size_t(p.graph.size()), TermStore::Tier::None), makings(size_t(p.graph.size()), 0) {}
+  Rows(const Plan& p, Executor& e)
+      : plan(p), executor(e), services(e.services()), found(size_t(p.graph.size()), TermStore::Tier::None), makings(size_t(p.graph.size()), 0) {}
   void ask(NodeId id) {
     const GraphNode& n = plan.graph.at(id);
     int& made = makings[size_t(id)];
     const bool again = n.transient && made > 0;  // made for each reader
     if (made != 0 && !again) return;
     if (made == 0) {
-      if (const auto key = executor.knownKey(id)) found[size_t(id)] = store.holds(*key);
+      if (const auto key = executor.knownKey(id)) found[size_t(id)] = services.store->holds(*key);
       if (found[size_t(id)] != TermStore::Tier::None) {
         made = -1;
         return;
@@ -36,17 +37,19 @@ struct Rows {
   /// Of making the node once, of so many blocks: an extendable one goes on from the longest beginning of it that the plan has, too.
   Cost cost(NodeId id, uint32_t blocks) const {
     const GraphNode& n = plan.graph.at(id);
-    Cost c = n.node->cost(n.shape, blocks);
-    if (!n.node->traits().extendable) return c;
     uint32_t before = 0;
-    for (NodeId k = 0; k < plan.graph.size(); ++k) {
+    for (NodeId k = 0; n.node->traits().extendable && k < plan.graph.size(); ++k) {
       const GraphNode& other = plan.graph.at(k);
       if (other.node == n.node && other.blocks < n.blocks && other.lights == n.lights) before = std::max(before, other.blocks);
     }
-    if (before == 0) return c;
-    const Cost less = n.node->cost(n.shape, std::min(before, blocks));
-    return {std::max(c.rays - less.rays, 0.0), std::max(c.ns - less.ns, 0.0)};
+    return costBeyond(*n.node, n.shape, blocks, before);
   }
+  KnownTimes::Ratio ratio(NodeId id) const {
+    const GraphNode& n = plan.graph.at(id);
+    return services.times ? services.times->of({services.scene, n.label, n.node->type()}) : KnownTimes::Ratio();
+  }
+  /// Of making the node once, on an idle machine.
+  double ms(NodeId id) const { return ratio(id).value * cost(id, plan.graph.at(id).blocks).ns * 1e-6 / services.arena->threads(); }
 };
 
 }  // namespace
@@ -62,28 +65,28 @@ void addPrunedRows(const Graph& graph, google::protobuf::RepeatedPtrField<v1::No
   }
 }
 
-double expectedMs(const Plan& plan, Executor& executor, const TermStore& store, int threads) {
-  Rows rows(plan, executor, store);
+double expectedMs(const Plan& plan, Executor& executor) {
+  Rows rows(plan, executor);
   for (const NodeId id : plan.expanded) rows.ask(id);
   for (const PlannedOutput& o : plan.outputs) rows.ask(o.node);
-  double ns = 0;
+  double ms = 0;
   for (NodeId id = 0; id < plan.graph.size(); ++id) {
-    if (const int made = rows.makings[size_t(id)]; made > 0) ns += made * rows.cost(id, plan.graph.at(id).blocks).ns;
+    if (const int made = rows.makings[size_t(id)]; made > 0) ms += made * rows.ms(id);
   }
-  return ns * 1e-6 / threads;
+  return ms;
 }
 
-double aheadMs(const Plan& plan, Executor& executor, const TermStore& store, int threads) {
-  Rows first(plan, executor, store), all(plan, executor, store);
+double aheadMs(const Plan& plan, Executor& executor) {
+  Rows first(plan, executor), all(plan, executor);
   for (const NodeId id : plan.expanded) first.ask(id), all.ask(id);
   for (const PlannedOutput& o : plan.outputs) all.ask(o.node);
-  double ns = 0;
+  double ms = 0;
   for (NodeId id = 0; id < plan.graph.size(); ++id) {
     const GraphNode& n = plan.graph.at(id);
     const int made = first.makings[size_t(id)] > 0 ? first.makings[size_t(id)] : n.node->traits().persist ? all.makings[size_t(id)] : 0;
-    if (made > 0) ns += made * all.cost(id, n.blocks).ns;
+    if (made > 0) ms += made * all.ms(id);
   }
-  return ns * 1e-6 / threads;
+  return ms;
 }
 
 bool samplesDecideAll(const Plan& plan) {
@@ -97,18 +100,21 @@ bool samplesDecideAll(const Plan& plan) {
   return true;
 }
 
-void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store, int threads, v1::PlanReply& reply) {
-  Rows rows(plan, executor, store);
+void describeUnrun(const Plan& plan, Executor& executor, v1::PlanReply& reply) {
+  Rows rows(plan, executor);
   for (const NodeId id : plan.expanded) rows.ask(id);
   for (const PlannedOutput& o : plan.outputs) rows.ask(o.node);
-  double ns = 0, rays = 0;
+  double ms = 0, rays = 0;
+  std::array<double, KnownTimes::kFroms> from{};
   std::map<std::string, v1::NodeReport*> folded;  // transient nodes, one row a type and state, as replies have them
   for (NodeId id = 0; id < plan.graph.size(); ++id) {
     const GraphNode& n = plan.graph.at(id);
     const int made = rows.makings[size_t(id)];
     const auto state = made > 0 ? v1::NodeReport::RUN : made < 0 ? v1::NodeReport::REUSED : v1::NodeReport::NOT_NEEDED;
-    const Cost cost = rows.cost(id, n.blocks);
-    if (made > 0) ns += made * cost.ns, rays += made * cost.rays;
+    const double rowMs = made > 0 ? made * rows.ms(id) : 0, rowRays = made > 0 ? made * rows.cost(id, n.blocks).rays : 0;
+    ms += rowMs;
+    rays += rowRays;
+    from[size_t(rows.ratio(id).from)] += rowMs;
     v1::NodeReport* row = nullptr;
     if (n.transient) {
       v1::NodeReport*& slot = folded[n.node->type() + std::to_string(state)];
@@ -126,8 +132,8 @@ void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store,
     row->set_device(n.node->device());
     row->set_count(row->count() + 1);
     if (made > 0) {
-      row->set_ms(row->ms() + made * cost.ns * 1e-6 / threads);
-      row->set_rays(row->rays() + uint64_t(made * cost.rays));
+      row->set_ms(row->ms() + rowMs);
+      row->set_rays(row->rays() + uint64_t(rowRays));
     }
     std::string reason = state == v1::NodeReport::NOT_NEEDED ? "what it feeds is there"
                          : made < 0                          ? (rows.found[size_t(id)] == TermStore::Tier::Disk ? "disk" : "memory")
@@ -140,7 +146,8 @@ void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store,
   }
   addPrunedRows(plan.graph, *reply.mutable_plan());
   reply.set_rays(uint64_t(rays));
-  reply.set_ms(ns * 1e-6 / threads);
+  reply.set_ms(ms);
+  reply.set_time_from(timesFromText(from));
   reply.set_pinned_bytes(plan.pinnedBytes);
   reply.set_decides_while_planning(!plan.expanded.empty());
   for (const std::string& w : plan.warnings) reply.add_warnings(w);

@@ -150,12 +150,13 @@ struct Engine::Impl {
 
   RungPace pace;
   KnownErrors knownErrors;
+  KnownTimes knownTimes;
   RememberedRenders remembered{options.keepRenders, options.keepRendersBytes};
   std::vector<std::shared_ptr<const MemoryHolder>> accounts;
 
   const TaskArena& arenaOf(bool small) const { return small ? besideArena : arena; }
   ExecutorServices executorServices(const MappedGuard& guard, bool small, const std::string& scene) {
-    ExecutorServices s{store.get(), &extensions, &accels, &arenaOf(small), nullptr, &inFlight, &guard};
+    ExecutorServices s{store.get(), &extensions, &accels, &arenaOf(small), nullptr, &inFlight, &guard, &knownTimes};
     s.scene = scene;
     return s;
   }
@@ -228,6 +229,7 @@ Engine::Engine() = default;
 Engine::~Engine() = default;
 
 Result<std::unique_ptr<Engine>> Engine::create(const EngineOptions& options) {
+  GOBO_TRY(Accel::kernels().status());
   std::unique_ptr<Engine> engine(new Engine);
   engine->impl_ = std::make_unique<Impl>(options);
   std::unique_ptr<DiskStore> disk;
@@ -341,7 +343,7 @@ Result<Expected> Engine::Impl::expect(const ScenePtr& scene, const v1::RenderReq
   const auto plan = makePlan(scene, resolved, halt.has_spp() ? passesFor(samplesOfSlice(halt.spp(), shutterSlices(resolved))) : 1, services);
   GOBO_TRY(checked(guard, plan.ok() ? Status() : plan.status()));
   Executor executor((*plan)->graph, executorServices(guard, false, resolved.scene()), stop);
-  const double ms = halt.has_spp() ? (ahead ? aheadMs : expectedMs)(**plan, executor, *store, arena.threads()) : 0.0;
+  const double ms = halt.has_spp() ? (ahead ? aheadMs : expectedMs)(**plan, executor) : 0.0;
   return Expected{(*plan)->pinnedBytes, ms, !(*plan)->expanded.empty()};
 }
 
@@ -373,7 +375,7 @@ Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopT
   const auto plan = makePlan(scene, reply.resolved(), passesFor(samplesOfSlice(spp, shutterSlices(reply.resolved()))), services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
   Executor executor((*plan)->graph, impl_->executorServices(guard, false, request.scene()), stop);
-  describeUnrun(**plan, executor, *impl_->store, impl_->arena.threads(), reply);
+  describeUnrun(**plan, executor, reply);
   for (auto& row : *reply.mutable_plan())
     if (row.samples()) row.set_samples(samplesOf(row.samples()));
   if (halt.has_time_s() || halt.has_error())

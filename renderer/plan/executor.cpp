@@ -229,6 +229,7 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
   if (traits.facets != Facet::None) ctx.scene = &view.emplace(*n.scene, traits.facets, n.lights);
   std::string reason;
   TermPtr parked, taken;  // taken: what was parked before
+  uint32_t before = 0;    // blocks that the state it goes on from has; where it was stopped on the way nobody knows
   if (traits.extendable) {
     ctx.targetBlocks = n.blocks;
     ctx.park = &parked;
@@ -241,18 +242,28 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
       for (uint32_t blocks : services_.extensions->below(recipe, n.blocks)) {
         ctx.previous = services_.store->get(Hasher("blocks").add(recipe).add(blocks).digest(), nullptr, stop_);
         if (!ctx.previous) continue;
+        before = blocks;
         reason = "extended from " + std::to_string(samplesOf(blocks)) + " samples";
         break;
       }
     }
   }
 
+  const bool outermost = services_.times && !timed_;
+  if (outermost) timed_.emplace(*services_.times);
+  const double othersMs = ownMs_;
   const auto start = std::chrono::steady_clock::now();
   Result<TermPtr> result = internalError("not run");
   try {
     result = fold ? runFold(id, *fold, ctx) : runNode(*n.node, n.shape, ctx);
   } catch (const std::bad_alloc&) { result = Status(Code::ResourceExhausted, "out of memory in node " + n.label, n.label); }
   const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  const double own = ms - (ownMs_ - othersMs) - 1e-6 * double(counters.accelNs.load());
+  ownMs_ += own;
+  if (services_.times && result.ok() && timed_->alone() && (before || !ctx.previous))
+    services_.times->add({services_.scene, n.label, n.node->type()}, costBeyond(*n.node, n.shape, n.blocks, before).ns * 1e-6 / services_.arena->threads(),
+                         own);
+  if (outermost) timed_.reset();
   if (result.ok()) {
     const Result<std::string> bad = firstNonFinite(**result, *services_.arena, stop_);
     if (!bad.ok()) {

@@ -16,6 +16,7 @@
 #include "base/status.h"
 #include "base/stop.h"
 #include "plan/checkpoints.h"
+#include "plan/known_times.h"
 #include "plan/lifetimes.h"
 #include "plan/source_digest.h"
 #include "plan/store.h"
@@ -61,8 +62,9 @@ struct ExecutorServices {
   RenderCheckpoints* checkpoints = nullptr;  ///< may be null; takes the place of parking for this request
   WorkInFlight* inFlight = nullptr;          ///< null: nobody else makes terms at the same time
   const MappedGuard* guard = nullptr;        ///< asked before anything is kept; null: nothing is mapped
+  KnownTimes* times = nullptr;               ///< null: nobody learns from it, and nodes are expected to take what they say
   std::string_view sources = sourceDigest();
-  std::string scene;  ///< its id, for whoever lists what the store holds
+  std::string scene;  ///< its id, for whoever lists what the store holds and for `times`
 };
 
 class Executor {
@@ -77,6 +79,7 @@ class Executor {
   std::optional<Hash128> knownKey(NodeId id);
   const ExecutedNode& report(NodeId id);
   uint64_t peakBytes() const { return peakBytes_; }
+  const ExecutorServices& services() const { return services_; }
 
  private:
   Result<Hash128> recipeKey(NodeId id);
@@ -102,6 +105,8 @@ class Executor {
   std::vector<double> unsaved_;                  // TermNote::unsaved of results
   std::vector<const WorkInFlight::Turn*> held_;  // what this executor makes now: a node, what needs it, and so on
   uint64_t heldBytes_ = 0, peakBytes_ = 0;
+  std::optional<KnownTimes::Run> timed_;  // of the outermost node that runs: folds run others
+  double ownMs_ = 0;                      // of all nodes that ran, each without those that it ran
 };
 
 /// First non-finite value of a term, as "plane V, element 12: nan"; empty if there is none. +inf is allowed in planes

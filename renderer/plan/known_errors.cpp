@@ -33,17 +33,6 @@ std::string samplesText(double samples) { return samples == 1 ? "one sample" : s
 
 }  // namespace
 
-KnownErrors::Picture& KnownErrors::touch(const Hash128& key) {
-  const auto [found, fresh] = pictures_.try_emplace(key);
-  if (!fresh) order_.erase(found->second.place);
-  found->second.place = order_.insert(order_.end(), key);
-  while (pictures_.size() > keep_) {
-    pictures_.erase(order_.front());
-    order_.pop_front();
-  }
-  return pictures_.at(key);
-}
-
 void KnownErrors::add(const v1::RenderReply& reply) {
   const v1::RenderRequest& request = reply.resolved();
   const double samples = request.halt().spp();
@@ -55,13 +44,13 @@ void KnownErrors::add(const v1::RenderReply& reply) {
   if (noise) {
     const double variance = reply.standard_error() * reply.standard_error() * samples;
     for (const Hash128& k : {sceneKey(request), key}) {
-      Picture& p = touch(k);
+      Picture& p = pictures_.touch(k);
       p.variance = variance;
       p.noiseAt = uint32_t(samples);
     }
   }
   if (!certified) return;
-  std::vector<Measured>& known = touch(key).certificates;
+  std::vector<Measured>& known = pictures_.touch(key).certificates;
   std::erase_if(known, [&](const Measured& m) { return m.samples == samples; });
   known.push_back({samples, reply.certificate().rmse() * reply.certificate().rmse()});
   if (known.size() > 2) known.erase(known.begin());
@@ -72,15 +61,15 @@ ExpectedError KnownErrors::at(const v1::RenderRequest& resolved, uint32_t spp, b
   const Hash128 key = pictureKey(resolved);
   ExpectedError e;
   std::lock_guard lock(mutex_);
-  const auto picture = pictures_.find(key);
-  if (picture == pictures_.end()) {
-    const auto scene = pictures_.find(sceneKey(resolved));
-    if (scene == pictures_.end()) return e;
-    e.standardError = std::sqrt(scene->second.variance / n);
-    e.from = "snapshots of another picture of this scene, " + samplesText(scene->second.noiseAt);
+  const Picture* const picture = pictures_.find(key);
+  if (!picture) {
+    const Picture* const scene = pictures_.find(sceneKey(resolved));
+    if (!scene) return e;
+    e.standardError = std::sqrt(scene->variance / n);
+    e.from = "snapshots of another picture of this scene, " + samplesText(scene->noiseAt);
     return e;
   }
-  const Picture& p = picture->second;
+  const Picture& p = *picture;
   double variance = p.variance;
   if (variance > 0) e.from = "snapshots of this picture, " + samplesText(p.noiseAt);
   if (!p.certificates.empty()) {

@@ -5,13 +5,12 @@
 #pragma once
 
 #include <cstdint>
-#include <list>
-#include <map>
 #include <mutex>
 #include <string>
 #include <vector>
 
 #include "base/hash.h"
+#include "base/latest_map.h"
 #include "gobo/v1/render.pb.h"
 
 namespace gobo {
@@ -25,7 +24,7 @@ struct ExpectedError {
 
 class KnownErrors {
  public:
-  explicit KnownErrors(size_t keep = 1024) : keep_(keep) {}
+  explicit KnownErrors(size_t keep = 1024) : pictures_(keep) {}
   /// Of a finished picture: its resolved request with the samples that it got, and what the reply says of its errors.
   void add(const v1::RenderReply& reply);
   /// Of a resolved request at `spp` samples. `onlyNoise`: nothing of it but noise, which more samples take away, is wrong (samplesDecideAll()).
@@ -42,14 +41,10 @@ class KnownErrors {
     double variance = 0;                 // of one sample; 0: not known
     uint32_t noiseAt = 0;                // samples that it was found with
     std::vector<Measured> certificates;  // at most two, of different counts; the later last
-    std::list<Hash128>::iterator place;
   };
-  Picture& touch(const Hash128& key);  // under mutex_
 
-  const size_t keep_;
   mutable std::mutex mutex_;
-  std::map<Hash128, Picture> pictures_;
-  std::list<Hash128> order_;  // least recently added to first
+  LatestMap<Hash128, Picture> pictures_;
 };
 
 }  // namespace plan

@@ -43,7 +43,8 @@ struct NodeTraits {
 };
 
 struct RunCounters {
-  std::atomic<uint64_t> rays{0};  ///< every ray handed to Embree: primary, bounce, shadow
+  std::atomic<uint64_t> rays{0};     ///< every ray handed to Embree: primary, bounce, shadow
+  std::atomic<uint64_t> accelNs{0};  ///< until the acceleration structure was there: building it, or waiting for who does
 };
 
 struct RunContext {
@@ -103,6 +104,9 @@ class Node {
   virtual Result<TermPtr> run(const RunContext& ctx) const = 0;
 };
 using NodePtr = std::shared_ptr<const Node>;
+
+/// Of `blocks` where `before` of them are there already (extendable nodes only; 0 elsewhere).
+Cost costBeyond(const Node& node, const TermShape& result, uint32_t blocks, uint32_t before);
 
 /// Runs a node on ctx.inputs: makes ctx.result and holds what comes out to what infer() said. Not for folds.
 Result<TermPtr> runNode(const Node& node, RunContext& ctx);

@@ -2,6 +2,7 @@
 #include "trace/accel.h"
 
 #include <bit>
+#include <cstdlib>
 
 #include "base/check.h"
 #include "trace/accel_impl.h"
@@ -19,7 +20,9 @@ constexpr size_t kMaxCopiedTriangles = 200'000;
 
 RTCDevice device() {
   static const RTCDevice d = [] {
-    RTCDevice made = rtcNewDevice("start_threads=0,set_affinity=0");
+    const Result<std::string> kernels = Accel::kernels();
+    GOBO_CHECK(kernels.ok());
+    RTCDevice made = rtcNewDevice(("start_threads=0,set_affinity=0" + std::string(*kernels == "avx2" ? ",isa=avx2" : "")).c_str());
     GOBO_CHECK(made != nullptr);
     rtcSetDeviceErrorFunction(
         made,
@@ -73,6 +76,21 @@ float coordinateUnit(float largest) {
 }
 
 }  // namespace
+
+Result<std::string> Accel::kernels() {
+  static const Result<std::string> found = []() -> Result<std::string> {
+    const char* asked = std::getenv("GOBO_EMBREE_ISA");
+    const std::string isa = asked ? asked : "";
+    if (isa == "avx2") return isa;
+    if (!isa.empty())
+      return invalidArgument("environment variable GOBO_EMBREE_ISA='" + isa + "': must be avx2, or empty for what the processor has", "GOBO_EMBREE_ISA");
+    // All five parts of what Embree calls its ISA "avx512".
+    const bool wide = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512cd") &&
+                      __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl");
+    return std::string(wide ? "avx512" : "avx2");
+  }();
+  return found;
+}
 
 Accel::Accel() : impl_(std::make_unique<Impl>()) {}
 Accel::~Accel() = default;

@@ -10,7 +10,9 @@
 #include <list>
 #include <memory>
 #include <mutex>
+#include <string>
 
+#include "base/status.h"
 #include "base/stop.h"
 #include "base/task_arena.h"
 #include "scene/camera.h"
@@ -47,6 +49,9 @@ class BackFaces;  // trace/back_faces.h
 
 class Accel {
  public:
+  /// Whose vectors Embree traces with: "avx512", "avx2", as the processor has them, or as GOBO_EMBREE_ISA=avx2 says: then the last bits are those of
+  /// processors without AVX-512. Of the process, read once. Errors: InvalidArgument.
+  static Result<std::string> kernels();
   /// Reads facets kAccelFacets of `view` (CHECKed). Null when `stop` fired, which is polled every few milliseconds.
   static std::shared_ptr<const Accel> build(const SceneView& view, const TaskArena& arena, const StopToken& stop = {});
   ~Accel();

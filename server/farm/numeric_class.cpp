@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/farm/numeric_class.h"
 
+#include "trace/accel.h"
+
 namespace gobo {
 inline namespace server {
 
 std::string numericClass() {
-  __builtin_cpu_init();
-  // Embree 4 takes AVX-512 where all five parts are there (its ISA "avx512").
-  const bool wide = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512cd") &&
-                    __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl");
-  return std::string("x86-64-v3 embree-") + (wide ? "avx512" : "avx2");
+  const Result<std::string> kernels = Accel::kernels();
+  return "x86-64-v3 embree-" + (kernels.ok() ? *kernels : "unknown");  // without kernels there is no engine
 }
 
 }  // namespace server

@@ -384,6 +384,15 @@ class Terminal(DaemonTest):
         self.assertLess(max(map(len, lines)), 30)
 
 
+class Kernels(DaemonTest):
+    def test_of_the_environment(self):
+        for isa, code in (("avx2", 0), ("", 0), ("sse9", 2)):
+            done = subprocess.run([CLI, "--local", "render", "cornell", "--size", "16x12", "--spp", "1", "-o", self.path("a.png")], capture_output=True, text=True,
+                                  timeout=120, env={**os.environ, "GOBO_EMBREE_ISA": isa})
+            self.assertEqual(done.returncode, code, done.stderr)
+        self.assertIn("GOBO_EMBREE_ISA='sse9': must be avx2", done.stderr)
+
+
 class ExitCodes(DaemonTest):
     def test_each(self):
         self.cli("scenes", code=0)

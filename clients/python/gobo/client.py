@@ -110,7 +110,7 @@ class Client:
              **fields: "Unpack[RequestFields]") -> service_pb2.PlanReply:
         """What `render` of the same would do, without doing it: `plan` (nodes with expected ms and rays, results that are there already), `ms`, `rays`,
         `pinned_bytes`, the beauty's error to be expected from pictures rendered before (`rmse`, `standard_error`, `error_from`; 0 and empty where nothing
-        is known), and `resolved`, the request with every default filled in.
+        is known), where `ms` was learned (`time_from`), and `resolved`, the request with every default filled in.
         """
         request = self._request(scene, fields, timeout, cancel)
         try:
