@@ -438,10 +438,6 @@ void LightList::square(const Point& at, size_t place, Values& out, Ways& ways) c
     }
     return;
   }
-  BsdfLook::Directions way;
-  BsdfLook::Lobes centre;
-  for (size_t k = 0; k < kLane; ++k) way.x[k] = towards.x, way.y[k] = towards.y, way.z[k] = above > 0.0f ? towards.z : -1.0f;
-  at.look.at(way, kLane, centre);
   if (out.glossy) {
     const RuleSize size = sizeOf(at, {sine, double(towards.z), double(above), 1.0, true}, towards);
     if (size > kMostOfSquares) {
@@ -455,6 +451,10 @@ void LightList::square(const Point& at, size_t place, Values& out, Ways& ways) c
   } else {
     ++ways.closed;
   }
+  BsdfLook::Directions way;
+  BsdfLook::Lobes centre;
+  for (size_t k = 0; k < kLane; ++k) way.x[k] = towards.x, way.y[k] = towards.y, way.z[k] = above > 0.0f ? towards.z : -1.0f;
+  at.look.at(way, kLane, centre);
   for (int c = 0; c < 3; ++c) out.diffuse[c][place] = at.look.albedo[c] * centre.diffuse[0] * power_[c][place];
 }
 
