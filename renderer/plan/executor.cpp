@@ -251,18 +251,18 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
 
   const bool outermost = services_.times && !timed_;
   if (outermost) timed_.emplace(*services_.times);
-  const double othersMs = ownMs_;
+  const double spentBefore = spentMs_;
   const auto start = std::chrono::steady_clock::now();
   Result<TermPtr> result = internalError("not run");
   try {
     result = fold ? runFold(id, *fold, ctx) : runNode(*n.node, n.shape, ctx);
   } catch (const std::bad_alloc&) { result = Status(Code::ResourceExhausted, "out of memory in node " + n.label, n.label); }
   const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-  const double own = ms - (ownMs_ - othersMs) - 1e-6 * double(counters.accelNs.load());
-  ownMs_ += own;
+  const double alone = ms - (spentMs_ - spentBefore);  // without the nodes that it ran
+  spentMs_ += alone;
   if (services_.times && result.ok() && timed_->alone() && (before || !ctx.previous))
     services_.times->add({services_.scene, n.label, n.node->type()}, costBeyond(*n.node, n.shape, n.blocks, before).ns * 1e-6 / services_.arena->threads(),
-                         own);
+                         alone - 1e-6 * double(counters.accelNs.load()));
   if (outermost) timed_.reset();
   if (result.ok()) {
     const Result<std::string> bad = firstNonFinite(**result, *services_.arena, stop_);

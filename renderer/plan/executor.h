@@ -106,7 +106,7 @@ class Executor {
   std::vector<const WorkInFlight::Turn*> held_;  // what this executor makes now: a node, what needs it, and so on
   uint64_t heldBytes_ = 0, peakBytes_ = 0;
   std::optional<KnownTimes::Run> timed_;  // of the outermost node that runs: folds run others
-  double ownMs_ = 0;                      // of all nodes that ran, each without those that it ran
+  double spentMs_ = 0;                    // of all nodes that ran, each without those that it ran
 };
 
 /// First non-finite value of a term, as "plane V, element 12: nan"; empty if there is none. +inf is allowed in planes

@@ -10,9 +10,10 @@ inline namespace plan {
 
 namespace {
 
-constexpr double kLeastMs = 0.2;                             // shorter nodes are overhead, and expecting them wrongly changes nothing
-constexpr double kMostTimes = 1e3;                           // a ratio beyond is a node that did other work than it expected
-constexpr size_t kOfNode = 5, kOfType = 9, kOfMachine = 33;  // ratios that a median is of
+constexpr double kLeastExpectedMs = 1, kLeastMs = 10;  // what is below both is overhead of starting, page faults and caches, and says nothing of more of it
+constexpr double kMostTimes = 1e3;                     // a ratio beyond is a node that did other work than it expected
+constexpr size_t kOfNode = 5, kOfType = 9, kOfMachine = 33;  // ratios that a median is of, at most
+constexpr size_t kLeastOfMachine = 3;                        // and at least: types differ by more than machines
 
 Hash128 nodeKey(const TimedNode& n) { return Hasher("node").add(n.scene).add(n.label).digest(); }
 Hash128 typeOfSceneKey(const TimedNode& n) { return Hasher("type of scene").add(n.scene).add(n.type).digest(); }
@@ -36,7 +37,7 @@ double KnownTimes::Ratios::median() const {
 }
 
 void KnownTimes::add(const TimedNode& node, double expectedMs, double ms) {
-  if (!(std::max(expectedMs, ms) >= kLeastMs) || !(expectedMs > 0) || !std::isfinite(expectedMs) || !std::isfinite(ms)) return;
+  if (!(expectedMs >= kLeastExpectedMs || ms >= kLeastMs) || !(expectedMs > 0) || !std::isfinite(expectedMs) || !std::isfinite(ms)) return;
   const double ratio = std::clamp(ms / expectedMs, 1 / kMostTimes, kMostTimes);
   const Hash128 ofNode = nodeKey(node), ofScene = typeOfSceneKey(node), ofType = typeKey(node);
   std::lock_guard lock(mutex_);
@@ -56,7 +57,7 @@ KnownTimes::Ratio KnownTimes::of(const TimedNode& node) const {
   if (const Ratios* r = known_.find(nodeKey(node))) return {r->median(), From::Node};
   if (const Ratios* r = known_.find(typeOfSceneKey(node))) return {r->median(), From::Scene};
   if (const Ratios* r = known_.find(typeKey(node))) return {r->median(), From::Type};
-  if (const Ratios* r = known_.find(machineKey())) return {r->median(), From::Machine};
+  if (const Ratios* r = known_.find(machineKey()); r && r->count() >= kLeastOfMachine) return {r->median(), From::Machine};
   return {};
 }
 

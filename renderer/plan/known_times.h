@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // KnownTimes: how many times longer nodes took than they expected (Node::cost, which knows neither this machine nor the scene), so that expected times become
 // those of here. A node's ratio is the median of its last ones; of a node that has not run, that of its type in the same scene, of its type in others, of
-// whatever ran; each of these the median of what it is made of, so that neither a slow first run nor many runs of one node decide. Learned from renders
-// that ran alone: what others took away is not the node's. Expected times decide what waits, what is told and which early snapshots come, never a bit of
-// the picture. Bounded, thread-safe.
+// whatever ran (three types at least); each of these the median of what it is made of, so that neither a slow first run nor many runs of one node decide.
+// Learned from renders that ran alone: what others took away is not the node's. Expected times decide what waits, what is told and which early snapshots come,
+// never a bit of the picture. Bounded, thread-safe.
 #pragma once
 
 #include <array>
@@ -59,6 +59,7 @@ class KnownTimes {
   class Ratios {
    public:
     void add(uint64_t source, double ratio, size_t keep);
+    size_t count() const { return latest_.size(); }
     double median() const;  // the lesser of two in the middle: what disturbs only adds
    private:
     std::vector<std::pair<uint64_t, double>> latest_;

@@ -22,8 +22,13 @@ TEST(KnownTimes, TheNearestThatIsKnownIsTaken) {
   EXPECT_EQ(times.of(kLamp).from, From::Node);
   EXPECT_EQ(times.of(kSun).from, From::Scene);
   EXPECT_EQ(times.of(kElsewhere).from, From::Type);
+  EXPECT_EQ(times.of(kFilter).from, From::Nothing);
+  for (const TimedNode& n : {kLamp, kSun, kElsewhere}) EXPECT_DOUBLE_EQ(times.of(n).value, 3.0) << n.label;
+  times.add({"hall", "gbuffer", "gbuffer"}, 10, 20);
+  EXPECT_EQ(times.of(kFilter).from, From::Nothing) << "of two types";
+  times.add({"hall", "map", "map"}, 10, 80);
   EXPECT_EQ(times.of(kFilter).from, From::Machine);
-  for (const TimedNode& n : {kLamp, kSun, kElsewhere, kFilter}) EXPECT_DOUBLE_EQ(times.of(n).value, 3.0) << n.label;
+  EXPECT_DOUBLE_EQ(times.of(kFilter).value, 3.0) << "of three types the one in the middle";
   times.add(kFilter, 10, 50);
   EXPECT_DOUBLE_EQ(times.of(kFilter).value, 5.0);
   EXPECT_DOUBLE_EQ(times.of(kSun).value, 3.0) << "another type's";
@@ -55,7 +60,7 @@ TEST(KnownTimes, TheLastRunsAreMeant) {
 TEST(KnownTimes, WhatIsShortOrNoNumberTellsNothing) {
   KnownTimes times;
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
-  for (const auto& [expected, took] : {std::pair{0.01, 0.1}, {0.0, 10.0}, {-1.0, 10.0}, {nan, 10.0}, {10.0, nan}, {inf, 10.0}, {10.0, inf}})
+  for (const auto& [expected, took] : {std::pair{0.01, 0.1}, {0.9, 9.0}, {0.0, 100.0}, {-1.0, 100.0}, {nan, 100.0}, {10.0, nan}, {inf, 100.0}, {10.0, inf}})
     times.add(kLamp, expected, took);
   EXPECT_EQ(times.of(kLamp).from, From::Nothing);
   times.add(kLamp, 10, 0.0);

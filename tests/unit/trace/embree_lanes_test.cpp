@@ -91,7 +91,8 @@ TEST_P(EmbreeLanes, LanesThatAreNotMeantAreLeftAsTheyAre) {
         continue;
       }
       RTCRayHit one;
-      one.ray = {before.ray.org_x[i], before.ray.org_y[i], before.ray.org_z[i], 0, before.ray.dir_x[i], before.ray.dir_y[i], before.ray.dir_z[i], 0, 10, ~0u, 0, 0};
+      one.ray = {
+          before.ray.org_x[i], before.ray.org_y[i], before.ray.org_z[i], 0, before.ray.dir_x[i], before.ray.dir_y[i], before.ray.dir_z[i], 0, 10, ~0u, 0, 0};
       one.hit.geomID = one.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
       embree::intersect1(scene_, context_, one, false);
       EXPECT_EQ(after.hit.geomID[i], one.hit.geomID);
@@ -118,7 +119,8 @@ TEST_P(EmbreeLanes, ShadowRaysThatAreNotMeantAreLeftAsTheyAre) {
         EXPECT_TRUE(sameBits(after.tfar[i], before.ray.tfar[i]));
         continue;
       }
-      RTCRay one = {before.ray.org_x[i], before.ray.org_y[i], before.ray.org_z[i], 0, before.ray.dir_x[i], before.ray.dir_y[i], before.ray.dir_z[i], 0, 10, ~0u, 0, 0};
+      RTCRay one = {
+          before.ray.org_x[i], before.ray.org_y[i], before.ray.org_z[i], 0, before.ray.dir_x[i], before.ray.dir_y[i], before.ray.dir_z[i], 0, 10, ~0u, 0, 0};
       embree::occluded1(scene_, context_, one);
       EXPECT_EQ(after.tfar[i] < 0, one.tfar < 0);
       blocked += after.tfar[i] < 0;
