@@ -171,7 +171,6 @@ TEST_P(EachCrash, AStatementThatFailsRollsBackAndTheReportIsRepeated) {
   EXPECT_EQ(get(id).state(), v1::Job::DONE);
 }
 
-// Three processes share the work; one kills itself while it holds a lease. Every frame is done once, tokens are never shared.
 // Whoever opens a store that is not there yet makes it; none of those who come together is turned away.
 TEST_P(EachCrash, ManyOpenANewStoreAtOnce) {
   for (int round = 0; round < (postgres() ? 2 : 12); ++round) {
@@ -197,6 +196,7 @@ TEST_P(EachCrash, ManyOpenANewStoreAtOnce) {
   }
 }
 
+// Three processes share the work; one kills itself while it holds a lease. Every frame is done once, tokens are never shared.
 TEST_P(EachCrash, SeveralProcessesOnOneStore) {
   constexpr int kFrames = 60;
   options.now = nullptr;  // the real clock
