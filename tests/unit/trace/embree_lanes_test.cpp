@@ -57,10 +57,11 @@ class EmbreeLanes : public ::testing::TestWithParam<const char*> {
       r.hit.geomID[i] = r.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
       if (valid[i]) continue;
       const float junk[] = {kNan, kInfinite, -kInfinite, 1e-45f, 3e38f};
-      switch (random_() % 4) {
+      switch (random_() % 5) {
         case 0: r.ray.org_x[i] = junk[random_() % 5]; break;
         case 1: r.ray.dir_y[i] = junk[random_() % 5]; break;
         case 2: r.ray.tfar[i] = junk[random_() % 5]; break;
+        case 3: r.ray.tnear[i] = junk[random_() % 5]; break;
         default: break;  // would hit what the others may
       }
     }
