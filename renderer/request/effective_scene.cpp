@@ -5,6 +5,8 @@
 #include <cstring>
 #include <numeric>
 #include <sstream>
+#include <string_view>
+#include <unordered_map>
 
 #include "scene/coordinates.h"
 #include "scene/edit.h"
@@ -384,12 +386,19 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
     out.scene = base;
   }
 
+  // Of the file's lights by name, the first of each as Scene::findLight: a look-up of that kind for each light would be quadratic.
+  std::unordered_map<std::string_view, int> lightsInFile;
+  for (size_t i = 0; i < base->lights.size(); ++i) lightsInFile.try_emplace(base->lights[i].name, int(i));
+  const auto inFile = [&](const std::string& name) {
+    const auto found = lightsInFile.find(name);
+    return found == lightsInFile.end() ? -1 : found->second;
+  };
   const size_t n = out.scene->lights.size();
   out.gains.resize(n);
   out.scales.assign(n, 1.0f);
   if (request.photometric())
     for (size_t i = 0; i < n; ++i)
-      if (const int file = base->findLight(out.scene->lights[i].name); file >= 0 && isPhotometric(base->lights[size_t(file)].shape.kind))
+      if (const int file = inFile(out.scene->lights[i].name); file >= 0 && isPhotometric(base->lights[size_t(file)].shape.kind))
         out.scales[i] = 1.0f / kLumensPerWatt;
   for (size_t i = 0; i < n; ++i) out.gains[i] = scaled(out.scene->lights[i].power / nominalScalar(out.scene->lights[i]), out.scales[i]);
   for (const auto& [name, edit] : edits) {
@@ -402,7 +411,7 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
       if (edit->has_color()) GOBO_TRY(checkFinite(edit->color(), path + ".color", true));
       const float old = luminance(light.power);
       const Vec3 color = edit->has_color() ? toVec3(edit->color()) : (old > 0 ? light.power / old : Vec3(1.0f));
-      const float intensity = edit->has_intensity() ? float(edit->intensity()) : (base->findLight(name) < 0 ? 1.0f : old * out.scales[size_t(i)]);
+      const float intensity = edit->has_intensity() ? float(edit->intensity()) : (inFile(name) < 0 ? 1.0f : old * out.scales[size_t(i)]);
       power = color * intensity;
     }
     Vec3 gain(1.0f);
@@ -421,12 +430,12 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
   for (size_t i = 0; i < n && !request.photometric(); ++i) {
     const std::string& name = out.scene->lights[i].name;
     const auto edit = request.lights().find(name);
-    const int file = base->findLight(name);
+    const int file = inFile(name);
     out.asInFile = out.asInFile || (file >= 0 && isPhotometric(base->lights[size_t(file)].shape.kind) && maxComponent(out.gains[i]) > 0.0f &&
                                     (edit == request.lights().end() || !edit->second.has_intensity()));
   }
   for (size_t i = 0; i < n; ++i)
-    if (!isFinite(out.gains[i]))
+    if (!isFinite(out.gains[i]) || maxComponent(glm::abs(out.gains[i])) > 1e24f)  // times what the light gives it has to stay a float
       return invalidArgument("power of light '" + out.scene->lights[i].name + "' overflows", "request.lights." + out.scene->lights[i].name);
   out.gainChanges.resize(n);
   for (size_t i = 0; i < n; ++i) out.gainChanges[i] = out.gains[i] - out.scene->lights[i].power / nominalScalar(out.scene->lights[i]);

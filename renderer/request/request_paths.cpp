@@ -340,6 +340,20 @@ Status copyElement(const Place& from, const Place& to, const std::string& path) 
   }
 }
 
+/// Replaces the entry of a map whose key is all that follows the map's name, dots included: "lights.Light.001", which has no reading that ends on a field.
+/// False: neither message has such an entry.
+bool replaceDottedEntry(Message& base, Message& patch, const std::string& path) {
+  const size_t dot = path.find('.');
+  const FieldDescriptor* f = dot == std::string::npos ? nullptr : base.GetDescriptor()->FindFieldByName(path.substr(0, dot));
+  if (!f || !f->is_map()) return false;
+  const std::string key = path.substr(dot + 1);
+  const Message* value = mapValue(patch, f, key, false);
+  if (!value && !mapValue(base, f, key, false)) return false;
+  eraseMapKey(base, f, key);
+  if (value) mapValue(base, f, key, true)->CopyFrom(*value);
+  return true;
+}
+
 }  // namespace
 
 Status setPath(Message& message, const std::string& assignment) { return setPathOf(message, assignment, Absent::Make); }
@@ -358,6 +372,8 @@ Status applyMask(Message& base, const Message& patch, const std::vector<std::str
   std::unique_ptr<Message> source(patch.New());
   source->CopyFrom(patch);
   for (const std::string& path : mask) {
+    // Shorter readings win: what can be read otherwise is no key with dots.
+    if (!walk(*source, path, Absent::Report).ok() && replaceDottedEntry(base, *source, path)) continue;
     GOBO_ASSIGN(const Place from, walk(*source, path, Absent::Report));
     if (from.missing) {  // absent in the patch: cleared in the base, if it is there
       GOBO_ASSIGN(Place gone, walk(base, path, Absent::Report));

@@ -42,8 +42,8 @@ using EnvironmentPtr = std::shared_ptr<const Environment>;
 
 /// Repairs NaN/Inf/negative texels (counted), computes the digest. Null if `stop` fired first.
 EnvironmentPtr makeEnvironment(std::string name, Image image, const StopToken& stop = {});
-/// Any picture in memory: lat-long, or a cube map (environment_cube.h), which is resampled to lat-long. `name` is used in
-/// errors and to guess the format. Errors name the file; Cancelled soon after `stop`.
+/// Any picture in memory: lat-long, or a cube map (environment_cube.h), which is resampled to lat-long. The colours of PNG and JPEG are sRGB code values, those
+/// of everything else linear radiance. `name` is used in errors and to guess the format. Errors name the file; Cancelled soon after `stop`.
 Result<EnvironmentPtr> readEnvironment(const uint8_t* bytes, size_t size, const std::string& name, const StopToken& stop = {});
 /// The same from a file.
 Result<EnvironmentPtr> loadEnvironment(const std::string& path, const StopToken& stop = {});

@@ -2,6 +2,7 @@
 // The node tree, skins and animations into the rig. Structural faults are errors; an animation channel that cannot be
 // followed is left out with a warning, because the scene can be shown without it.
 #include "import/gltf/document.h"
+#include "import/gltf/unique_names.h"
 
 namespace gobo::gltf {
 namespace {
@@ -224,12 +225,11 @@ Status readAnimations(Document& d, Rig& rig, const std::vector<int>& place) {
   const Cursor list = d.list("animations");
   std::vector<size_t> targets(rig.nodes.size(), 0);
   for (const RigDeformed& m : rig.deformed) targets[m.node] = std::max(targets[m.node], m.weights.size());
-  std::set<std::string> names;
+  UniqueNames names;
   for (size_t i = 0; i < list.size() && d.ok(); ++i) {
     RigAnimation a;
     const std::string wanted = list.at(i)["name"].text("animation" + std::to_string(i));
-    a.name = wanted.empty() || wanted == "*" ? "animation" + std::to_string(i) : wanted;
-    for (int k = 2; !names.insert(a.name).second; ++k) a.name = wanted + "#" + std::to_string(k);
+    a.name = names.take(wanted.empty() || wanted == "*" ? "animation" + std::to_string(i) : wanted, wanted);
     readChannels(d, list.at(i), rig, place, targets, a);
     if (a.channels.empty()) {
       d.warn(list.at(i).pointer, "animation \"" + a.name + "\" moves nothing and is left out");

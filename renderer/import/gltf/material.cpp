@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "import/gltf/texture.h"
+#include "import/gltf/unique_names.h"
 
 namespace gobo::gltf {
 namespace {
@@ -148,19 +149,17 @@ Material readMaterial(Document& d, const Cursor& at, Textures& textures) {
 Status readMaterials(Document& d, Scene& scene) {
   Textures textures(d, scene);
   const Cursor list = d.list("materials");
-  std::set<std::string> names;
+  UniqueNames names;
   for (size_t i = 0; i < list.size() && d.ok(); ++i) {
     scene.materials.push_back(readMaterial(d, list.at(i), textures));
     std::string& name = scene.materials.back().name;
     if (name.empty()) name = "material" + std::to_string(i);
-    const std::string wanted = name;
-    for (int k = 2; !names.insert(name).second; ++k) name = wanted + "#" + std::to_string(k);
+    name = names.take(name);
   }
   Material plain;
   plain.bsdf.metallic = 1.0f;  // the format's default material
   plain.coverage.doubleSided = false;
-  plain.name = "default";
-  for (int k = 2; names.count(plain.name); ++k) plain.name = "default#" + std::to_string(k);
+  plain.name = names.take("default");
   scene.materials.push_back(plain);
   return d.status;
 }

@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "import/gltf/document.h"
+#include "import/gltf/unique_names.h"
 
 namespace gobo::gltf {
 namespace {
@@ -264,12 +265,9 @@ Status readMeshes(Document& d, Scene& scene, Rig& rig, Parts& parts) {
   const Cursor list = d.list("meshes"), used = d.list("extensionsUsed"), variants = d.root().extension("KHR_materials_variants")["variants"];
   bool quantized = false;
   for (size_t i = 0; i < used.size(); ++i) quantized = quantized || used.at(i).text() == "KHR_mesh_quantization";
-  std::set<std::string> taken;
+  UniqueNames names;
   for (size_t i = 0; i < variants.size() && d.ok(); ++i) {
-    std::string name = variants.at(i)["name"].text("variant" + std::to_string(i));
-    const std::string wanted = name;
-    for (int k = 2; !taken.insert(name).second; ++k) name = wanted + "#" + std::to_string(k);
-    scene.variants.names.push_back(name);
+    scene.variants.names.push_back(names.take(variants.at(i)["name"].text("variant" + std::to_string(i))));
   }
   uint64_t triangles = 0;
   parts.resize(list.size());

@@ -10,6 +10,7 @@
 
 #include "import/gltf/origin.h"
 #include "import/gltf/texture.h"
+#include "import/gltf/unique_names.h"
 #include "scene/rig_sample.h"
 
 namespace gobo::gltf {
@@ -21,7 +22,7 @@ class Tree {
  public:
   Tree(Document& d, Scene& scene, Rig& rig, Parts& parts, const std::vector<int>& place)
       : d_(d), scene_(scene), rig_(rig), parts_(parts), textures_(d, scene), nodes_(d.list("nodes")), place_(place) {
-    names_.insert("environment");
+    names_.reserve("environment");
   }
 
   Status read() {
@@ -139,15 +140,6 @@ class Tree {
     return roots;
   }
 
-  std::string unique(const std::string& wanted) {
-    std::string name = wanted;
-    for (int& k = next_[wanted]; !names_.insert(name).second;) {
-      k = std::max(k + 1, 2);
-      name = wanted + "#" + std::to_string(k);
-    }
-    return name;
-  }
-
   void follow(RigKind kind, size_t object, int node, const Mat4& local = Mat4(1.0f)) {
     RigFollower f;
     f.kind = kind;
@@ -244,12 +236,12 @@ class Tree {
       }
       const int shown = sceneMesh(node, index, part, skin);
       if (skinned) {
-        scene_.instances.push_back({unique(base), shown, Mat4(1.0f)});
+        scene_.instances.push_back({names_.take(base), shown, Mat4(1.0f)});
         continue;
       }  // joints alone place a skinned mesh
       if (!d_.account(copies.size() * (sizeof(Instance) + sizeof(RigFollower) + 64), node)) return;
       for (const Mat4& local : copies) {
-        scene_.instances.push_back({unique(base), shown, world});
+        scene_.instances.push_back({names_.take(base), shown, world});
         DMat4 placed(local);
         placed[3] = placed * glm::dvec4(part.centre, 1.0);
         follow(RigKind::Instance, scene_.instances.size() - 1, index, Mat4(placed));
@@ -312,8 +304,7 @@ class Tree {
       c.yheight = 2.0f * std::fabs(float(at["orthographic"]["ymag"].number(1.0, -1e12, 1e12)));
       if (!(c.yheight > 0.0f)) at["orthographic"]["ymag"].fail("ymag is 0");
     } else at["type"].fail("\"" + type + "\" is not perspective or orthographic");
-    c.name = wanted;
-    for (int k = 2; !cameraNames_.insert(c.name).second; ++k) c.name = wanted + "#" + std::to_string(k);
+    c.name = cameraNames_.take(wanted);
     scene_.cameras.push_back(std::move(c));
   }
 
@@ -325,7 +316,7 @@ class Tree {
     if (type == "point") l.shape.kind = LightKind::Point;
     else if (type == "directional") {
       l.shape.kind = LightKind::Directional;
-      const Cursor size = at["extras"]["gobo_light"]["angularSize"];
+      const Cursor size = goboLight(at)["angularSize"];
       l.shape.angularSize = float(size.number(0.0, 0.0, 0.5 * kPi));
       if (l.shape.angularSize != 0.0f && l.shape.angularSize < kLeastAngularSize) size.fail("angularSize is below 1.7e-6 radians and not 0");
     } else if (type == "spot") {
@@ -336,7 +327,7 @@ class Tree {
       l.shape.cosOuter = float(std::cos(outer));
     } else at["type"].fail("\"" + type + "\" is not point, spot or directional");
     addProfile(at, l);
-    l.name = unique(!nodeName.empty() ? nodeName : at["name"].text("light" + std::to_string(index)));
+    l.name = names_.take(!nodeName.empty() ? nodeName : at["name"].text("light" + std::to_string(index)));
     scene_.lights.push_back(std::move(l));
   }
 
@@ -386,7 +377,7 @@ class Tree {
     const auto [known, fresh] = profiles_.try_emplace(profile.pointer, int(scene_.profiles.size()));
     if (fresh) scene_.profiles.push_back(data.profile);
     l.shape.profile = known->second;
-    l.name = unique(name);
+    l.name = names_.take(name);
     scene_.lights.push_back(std::move(l));
   }
 
@@ -404,7 +395,7 @@ class Tree {
     s.twoSided = at["twoSided"].boolean(false);
     l.cameraVisible = at["cameraVisible"].boolean(true);
     l.power = areaRadiance(at, type, s.twoSided, follower, world);
-    l.name = unique(name);
+    l.name = names_.take(name);
     scene_.lights.push_back(std::move(l));
   }
 
@@ -443,9 +434,9 @@ class Tree {
   Cursor nodes_;
   const std::vector<int>& place_;
   RigPose pose_;
-  bool moves_ = false;                          // animations may give a flat node its size
-  std::set<std::string> names_, cameraNames_;   // instances and lights share names: a Mesh light is named after its instance
-  std::map<std::string, int> next_, profiles_;  // profiles_: by the pointer of what gave it
+  bool moves_ = false;                   // animations may give a flat node its size
+  UniqueNames names_, cameraNames_;      // instances and lights share names: a Mesh light is named after its instance
+  std::map<std::string, int> profiles_;  // by the pointer of what gave it
 };
 
 }  // namespace

@@ -180,6 +180,34 @@ TEST(Request, MaskReplacesNamedFieldsOnly) {
   EXPECT_EQ(applyMask(base, patch, {"lights.key.size"}).code(), Code::InvalidArgument);
 }
 
+/// What a relight takes back: entries that the mask names and the patch lacks, their keys' dots included.
+TEST(Request, MaskTakesBackEntriesWhoseKeysHaveDots) {
+  v1::RenderRequest base, patch;
+  for (const char* a : {"lights.Light.001.intensity=5", "lights.Light.002.intensity=6", "lights.light.intensity=7"}) ASSERT_TRUE(setPath(base, a).ok()) << a;
+  (*base.mutable_curves())["lights.key.intensity"].add_value(1);
+  (*base.mutable_expressions())["shadows.style.softness"].set_formula("time");
+  const Status undone = applyMask(base, patch, {"lights.Light.001", "curves.lights.key.intensity", "expressions.shadows.style.softness"});
+  ASSERT_TRUE(undone.ok()) << undone.toString();
+  EXPECT_EQ(base.lights().count("Light.001"), 0u);
+  EXPECT_EQ(base.lights().at("Light.002").intensity(), 6);
+  EXPECT_EQ(base.lights().at("light").intensity(), 7);
+  EXPECT_TRUE(base.curves().empty());
+  EXPECT_TRUE(base.expressions().empty());
+  // In the patch: the whole entry, also where the base has none.
+  for (const char* a : {"lights.Light.001.gain=2", "lights.Light.002.gain=3"}) ASSERT_TRUE(setPath(patch, a).ok()) << a;
+  ASSERT_TRUE(applyMask(base, patch, {"lights.Light.001", "lights.Light.002"}).ok());
+  EXPECT_EQ(base.lights().at("Light.001").gain().x(), 2.0f);
+  EXPECT_EQ(base.lights().at("Light.002").gain().x(), 3.0f);
+  EXPECT_FALSE(base.lights().at("Light.002").has_intensity());
+  // Shorter readings win, and a wrong field of a light stays one.
+  (*base.mutable_lights())["light.intensity"].set_intensity(9);
+  ASSERT_TRUE(applyMask(base, v1::RenderRequest(), {"lights.light.intensity"}).ok());
+  EXPECT_FALSE(base.lights().at("light").has_intensity());
+  EXPECT_EQ(base.lights().at("light.intensity").intensity(), 9);
+  EXPECT_EQ(applyMask(base, patch, {"lights.light.colour"}).code(), Code::InvalidArgument);
+  EXPECT_EQ(applyMask(base, patch, {"seed.x"}).code(), Code::InvalidArgument);
+}
+
 TEST(Request, SetPathsListLeaves) {
   v1::RenderRequest r;
   for (const char* a : {"lights.key.color=1,1,1", "halt.spp=4", "shadows.axis_aligned.k=2"}) ASSERT_TRUE(setPath(r, a).ok());

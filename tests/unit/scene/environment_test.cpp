@@ -6,6 +6,7 @@
 
 #include <limits>
 
+#include "base/image_io.h"
 #include "base/sobol.h"
 #include "scene/environment_tents.h"
 
@@ -92,6 +93,28 @@ TEST(Environment, RepairsAndCountsBadTexels) {
   for (const Vec3& t : e->texels) EXPECT_TRUE(isFinite(t) && t.x >= 0 && t.y >= 0 && t.z >= 0);
   EXPECT_EQ(e->texels[0], Vec3(0.0f));
   EXPECT_EQ(e->texels[1], Vec3(1.0f));
+}
+
+/// IEC 61966-2-1: code value 0.5 is 0.2140 of white. Alpha is not radiance.
+TEST(Environment, PngAndJpegAreCodeValuesAndExrIsRadiance) {
+  for (const int channels : {1, 3, 4}) {
+    Image image(16, 8, channels);
+    for (float& v : image.data) v = 0.5f;
+    PixelOptions codes;
+    codes.data = true;
+    codes.bits = 16;
+    const auto png = *encodePng(image, codes);
+    const auto map = readEnvironment(png.data(), png.size(), "a.hdr");  // whatever its name
+    ASSERT_TRUE(map.ok()) << map.status().toString();
+    for (const Vec3& texel : (*map)->texels)
+      for (int c = 0; c < 3; ++c) EXPECT_NEAR(texel[c], 0.2140f, 1e-4f) << channels;
+    if (channels != 3) continue;
+    codes.bits = 8;
+    const auto coarse = *encodePng(image, codes), jpeg = *encodeJpeg(image, codes), exr = *encodeExr(image);
+    EXPECT_NEAR((*readEnvironment(coarse.data(), coarse.size(), "a.png"))->texels[0].x, 0.2159f, 1e-4f);  // of 128 / 255
+    EXPECT_NEAR((*readEnvironment(jpeg.data(), jpeg.size(), "a.jpg"))->texels[0].y, 0.2159f, 5e-3f);
+    EXPECT_EQ((*readEnvironment(exr.data(), exr.size(), "a.exr"))->texels[0], Vec3(0.5f));
+  }
 }
 
 TEST(Environment, ContentFollowsTexelsNotName) {

@@ -281,6 +281,62 @@ TEST_F(Gltf, DirectionalLightsOfSomeSize) {
   }
 }
 
+/// `extras` may be anything: what is no object says nothing.
+TEST_F(Gltf, ExtrasOfDirectionalLightsMayBeAnything) {
+  doc_["extensionsUsed"] = Json::array({"KHR_lights_punctual"});
+  doc_["extensions"]["KHR_lights_punctual"]["lights"] = Json::array({Json::parse(R"({"name":"sun","type":"directional"})")});
+  doc_["nodes"].push_back(Json::parse(R"({"name":"sun","extensions":{"KHR_lights_punctual":{"light":0}}})"));
+  doc_["scenes"][0]["nodes"].push_back(1);
+  for (const char* extras : {"null", "\"said\"", "[1,2]", "3", "{}"}) {
+    doc_["extensions"]["KHR_lights_punctual"]["lights"][0]["extras"] = Json::parse(extras);
+    const ScenePtr s = load();
+    ASSERT_TRUE(s) << extras;
+    EXPECT_EQ(s->lights[s->findLight("sun")].shape.angularSize, 0.0f) << extras;
+  }
+}
+
+/// Equal names get the first number that is free, however many there are.
+TEST_F(Gltf, EqualNamesAreNumbered) {
+  const Json good = doc_;
+  const auto named = [&](const std::vector<std::string>& names) {
+    doc_ = good;
+    doc_["extensionsUsed"] = Json::array({"KHR_materials_variants"});
+    doc_["cameras"] = Json::parse(R"([{"type":"perspective","perspective":{"yfov":0.7,"znear":0.1}}])");
+    Json materials = Json::array(), variants = Json::array(), nodes = doc_["nodes"], roots = doc_["scenes"][0]["nodes"];
+    for (const std::string& name : names) {
+      materials.push_back(Json::object({{"name", name}}));
+      variants.push_back(Json::object({{"name", name}}));
+      roots.push_back(nodes.size());
+      nodes.push_back(Json::object({{"name", name}, {"camera", 0}}));
+    }
+    doc_["materials"] = materials;
+    doc_["extensions"]["KHR_materials_variants"]["variants"] = variants;
+    doc_["nodes"] = nodes;
+    doc_["scenes"][0]["nodes"] = roots;
+    return load();
+  };
+  const std::vector<std::string> wanted = {"a", "a", "a#2", "a", "default", "a#5", "a", "a", "a#2"},
+                                 given = {"a", "a#2", "a#2#2", "a#3", "default", "a#5", "a#4", "a#6", "a#2#3"};
+  const ScenePtr s = named(wanted);
+  ASSERT_TRUE(s);
+  ASSERT_EQ(s->materials.size(), given.size() + 1);
+  ASSERT_EQ(s->cameras.size(), given.size());
+  for (size_t i = 0; i < given.size(); ++i) {
+    EXPECT_EQ(s->materials[i].name, given[i]);
+    EXPECT_EQ(s->cameras[i].name, given[i]);
+  }
+  EXPECT_EQ(s->materials.back().name, "default#2");
+  EXPECT_EQ(s->variants.names, given);
+
+  constexpr size_t kMany = 20000;  // numbers from 2 on for each would be minutes
+  const ScenePtr many = named(std::vector<std::string>(kMany, "a"));
+  ASSERT_TRUE(many);
+  ASSERT_EQ(many->cameras.size(), kMany);
+  EXPECT_EQ(many->materials[kMany - 1].name, "a#20000");
+  EXPECT_EQ(many->cameras[kMany - 1].name, "a#20000");
+  EXPECT_EQ(many->variants.names[kMany - 1], "a#20000");
+}
+
 /// Watts are what leaves the shape at the node's size: pi L area a side.
 TEST_F(Gltf, AreaLightsByRadianceAndByPower) {
   const Json good = doc_;
