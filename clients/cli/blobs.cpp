@@ -227,6 +227,8 @@ Result<bool> putEnvironment(Session& session, v1::EnvironmentSettings& environme
     Session::Call call(session);
     status = session.statusOf(session.render().Plan(&call.context, probe, &reply));
   }
+  // The server's working folder is another: what it opened was found from here.
+  if (status.ok()) environment.set_path(probe.environment().path());
   const bool cannotSee = status.code() == Code::PermissionDenied || status.code() == Code::NotFound;
   if (!cannotSee || status.message().find("environment.path") == std::string::npos) return false;  // what else is wrong is said by the call itself
   GOBO_ASSIGN(const LocalBlob blob, blobOf(environment.path()));

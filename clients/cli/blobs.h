@@ -24,6 +24,7 @@ Status putBlobs(Session& session, const std::map<std::string, LocalBlob>& blobs)
 /// Puts and opens a scene. Without a name the id is made from file name and content: a scene that is loaded is found under it and nothing is sent.
 Result<v1::SceneInfo> openByDigest(Session& session, const std::string& scene, std::map<std::string, LocalBlob> files, const std::string& name);
 /// request.environment.path of a .hdr or .exr that is here and that the server cannot open becomes environment.digest of the same file, put. True: it did.
+/// One that the server can open becomes absolute.
 Result<bool> putEnvironment(Session& session, v1::EnvironmentSettings& environment);
 
 }  // namespace gobo::cli

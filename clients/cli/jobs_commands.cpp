@@ -227,6 +227,16 @@ bool have(const std::string& folder, const v1::FrameFile& file) {
   return bytes.ok() && sha256Hex(bytes->data(), bytes->size()) == file.sha256();
 }
 
+// Of its request, or of a file: those of layered jobs are called otherwise.
+bool hasOutput(const v1::Job& job, const std::string& output) {
+  for (const std::string& own : job.spec().request().outputs())
+    if (own == output) return true;
+  for (const v1::Frame& f : job.frames())
+    for (const v1::FrameFile& file : f.files())
+      if (file.output() == output) return true;
+  return false;
+}
+
 Result<int> fetch(Session& session, const JobFetchCommand& c) {
   const std::string folder = c.out.empty() ? "." : c.out;
   std::error_code error;
@@ -240,6 +250,8 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
   const std::set<int64_t> selection(named.begin(), named.end());
   for (int broken = 0;; ++broken) {
     GOBO_ASSIGN(const v1::Job job, getJob(session, c.id));
+    for (const std::string& output : wanted.outputs())
+      if (!hasOutput(job, output)) return invalidArgument("--outputs " + output + ": job " + job.id() + " has no output of that name");
     v1::FetchRequest request = wanted;
     bool any = false;
     for (const v1::Frame& f : job.frames()) {

@@ -91,6 +91,7 @@ Result<Rendered> renderParts(Session& session, const RegressCase& c) {
   Rendered out;
   v1::RenderRequest request = c.request;
   GOBO_ASSIGN(*request.mutable_scene(), ensureScene(session, c.scene));
+  if (!c.environment.empty()) request.mutable_environment()->set_path(c.environment);
   if (request.environment().has_path()) GOBO_TRY(putEnvironment(session, *request.mutable_environment()).status());
   out.facts.request = messageToJson(c.request, false);  // without what differs between machines: ids of scenes
   request.mutable_encoding()->set_format(v1::Encoding::RAW_FLOAT);

@@ -16,6 +16,19 @@ def sky(seed=1):
     return (random.random((8, 16, 3)) * np.linspace(3, 0.1, 8)[:, None, None]).astype(np.float32)
 
 
+class Opened(DaemonTest):
+    """A gobod that may open what its client names, from another working folder."""
+
+    def test_a_relative_path_is_of_the_clients_folder(self):
+        radiance = sky(5)
+        gobo.exr.write(self.path("near.exr"), {c: radiance[:, :, i] for i, c in enumerate("RGB")})
+        what = ["render", "cornell", "--size", "32x24", "--spp", "16", "--set", "integrator.max_bounces=2", "-q"]
+        self.assertNotIn("sending", self.cli(*what, "--set", "environment.path=near.exr", "-o", "set.raw").stderr)
+        self.cli(*what, "--env", "near.exr", "-o", "env.raw")
+        with open(self.path("set.raw"), "rb") as a, open(self.path("env.raw"), "rb") as b:
+            self.assertEqual(a.read(), b.read())
+
+
 class Blobs(DaemonTest):
     options = {"roots": ()}
 

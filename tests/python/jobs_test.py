@@ -40,6 +40,12 @@ class Jobs(DaemonTest):
             with open(self.path("cli", name), "rb") as a, open(self.path("out", name), "rb") as b:
                 self.assertEqual(a.read(), b.read())
         self.assertEqual(len(os.listdir(self.path("cli"))), 2)
+        said = self.cli("jobs", "fetch", job.id, "-o", "none", "--outputs", "beauty,dephth", code=2).stderr
+        self.assertIn(f"--outputs dephth: job {job.id} has no output", said)
+        for fetched in (lambda: job.fetch(self.path("none"), outputs=["beauty", "dephth"]), lambda: list(job.images("dephth"))):
+            with self.assertRaisesRegex(gobo.InvalidArgument, f"outputs = 'dephth': job {job.id} has no output"):
+                fetched()
+        self.assertEqual(os.listdir(self.path("none")), [])
         raw = self.client.jobs.submit("cornell", **SMALL, format="raw_float")
         raw.wait(timeout=100)
         np.testing.assert_array_equal(dict(raw.images())[0], want.image)

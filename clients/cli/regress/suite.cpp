@@ -166,6 +166,13 @@ Status readCase(Reader& r, const fs::path& folder, RegressCase& c) {
     }
     if (const Status status = setPath(c.request, set); !status.ok()) return r.refuse("set", "\"" + set + "\": " + status.message());
   }
+  // The request keeps what the suite says: records of runs are the same wherever it lies.
+  if (const std::string& map = c.request.environment().path(); !map.empty() && map != "none" && !fs::path(map).is_absolute()) {
+    const std::string path = beside(folder, map);
+    std::error_code error;
+    if (!fs::is_regular_file(path, error)) return r.refuse("set", "environment.path: no such file: \"" + path + "\"");
+    c.environment = path;
+  }
   c.request.clear_outputs();
   c.request.add_outputs(output);
   return r.others();

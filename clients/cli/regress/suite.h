@@ -16,6 +16,7 @@ namespace gobo::cli {
 struct RegressCase {
   std::string name;
   std::string scene;                ///< file (absolute), id or built-in name
+  std::string environment;          ///< file (absolute) in place of the request's environment.path; empty: that one
   v1::RenderRequest request;        ///< all but the scene and the seeds of parts; one output
   uint64_t seed = 0;                ///< the k-th part has the request's seed 16 * seed + k
   uint32_t parts = 8;               ///< renders with seeds of their own; 1: a picture without noise

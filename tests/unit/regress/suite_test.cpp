@@ -73,6 +73,24 @@ TEST_F(SuiteFile, NamesOfItsOwn) {
   EXPECT_EQ(suite->references, (folder_ / "references").string());
 }
 
+TEST_F(SuiteFile, EnvironmentsAreRelativeToTheSuite) {
+  fs::create_directories(folder_ / "maps");
+  std::ofstream(folder_ / "maps" / "sky.hdr") << "here";
+  const auto under = [](const std::string& name, const std::string& map) {
+    return "[[case]]\nname = \"" + name + "\"\nscene = \"cornell\"\nset = [\"environment.path=" + map + "\"]\n";
+  };
+  const auto suite = read(under("a", "maps/sky.hdr") + under("b", "none") + under("c", "/far/away.hdr"));
+  ASSERT_TRUE(suite.ok()) << suite.status().toString();
+  EXPECT_EQ(suite->cases[0].environment, (folder_ / "maps" / "sky.hdr").string());
+  EXPECT_EQ(suite->cases[0].request.environment().path(), "maps/sky.hdr");
+  EXPECT_EQ(suite->cases[1].environment, "");
+  EXPECT_EQ(suite->cases[1].request.environment().path(), "none");
+  EXPECT_EQ(suite->cases[2].environment, "");  // perhaps the server's
+  const std::string absent = said(kCase + "set = [\"environment.path=nonesuch.hdr\"]\n");
+  EXPECT_EQ(absent.substr(0, 10), "s.toml:4: ");
+  EXPECT_NE(absent.find("environment.path: no such file: \"nonesuch.hdr\""), std::string::npos) << absent;
+}
+
 TEST_F(SuiteFile, Mistakes) {
   EXPECT_EQ(said("[[case]]\nname = \"x\"\nscene = \"cornell\"\nsize = \"8192x4096\"\n"),
             "s.toml:4: [[case]] size = '8192x4096': times 8 parts must be at most 67108864 pixels: that many are compared at once");
