@@ -20,7 +20,8 @@ class CausticsNode final : public Node {
         width_(view.width ? view.width : settings.path.width),
         height_(view.width ? view.height : settings.path.height) {}
   std::string type() const override { return "caustics"; }
-  int version() const override { return 4; }  // 2: without light that goes straight on; 3: tilted normals lose no specular light; 4: counted in passes
+  // 2: without light that goes straight on; 3: tilted normals lose no specular light; 4: counted in passes; 5: tangents in the texture's own turn
+  int version() const override { return 5; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;

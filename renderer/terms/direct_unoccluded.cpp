@@ -19,8 +19,8 @@ class DirectUnoccludedNode final : public Node {
   std::string type() const override { return "direct_unoccluded"; }
   // 2: every lobe; 3: bilinear environments; 4: specular light below the surface is mirrored back; 5: highlights of squares; 6: facing triangles;
   // 7: diffuse lobes of suns by quadrature, balls cut by the horizon exactly; 8: lights of some size over gloss by quadrature, disks exactly; 9: so are
-  // mesh lights of few triangles, and rectangles at infinity over gloss
-  int version() const override { return 9; }
+  // mesh lights of few triangles, and rectangles at infinity over gloss; 10: tangents in the texture's own turn
+  int version() const override { return 10; }
   NodeTraits traits() const override {
     NodeTraits t;
     // Geometry and emission are read by mesh lights only, whose digest is part of LightShape (scene.h).

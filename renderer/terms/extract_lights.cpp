@@ -13,6 +13,12 @@ inline namespace terms {
 
 namespace {
 
+// A map of fewer texels than kFewTexels has too few places for lights: a constant one has a single texel, and all light would come from +X. Whatever
+// its proportions, it is less than 32 wide and high: the finer one leaves no texel out.
+constexpr size_t kFewTexels = 32;
+constexpr int kFineWidth = 64, kFineHeight = 32;
+constexpr size_t kFineTexels = size_t(kFineWidth) * kFineHeight;
+
 struct Cell {
   int x0, y0, x1, y1;
   double power;
@@ -77,8 +83,9 @@ void emitCell(const Environment& e, const PowerTable& table, const Cell& c, std:
     }
   }
   const double length = glm::length(centre);
-  if (!(length > 0) || !(rgb.x + rgb.y + rgb.z > 0)) return;
-  centre /= length;
+  if (!(rgb.x + rgb.y + rgb.z > 0)) return;
+  if (length > 0) centre /= length;
+  else centre = DVec3(0, 1, 0);  // from all sides alike: any direction is as good
   lights.push_back({centre, rgb});
 }
 
@@ -101,11 +108,43 @@ std::vector<MapLight> medianCut(const Environment& e, int lights, const StopToke
   return out;
 }
 
+std::vector<MapLight> lightsOf(const Environment& map, int lights, ExtractBy by, const TaskArena* arena, const StopToken& stop) {
+  switch (by) {
+    case ExtractBy::MedianCut: break;
+    case ExtractBy::Structured: return structuredLights(map, lights, arena, stop);
+    case ExtractBy::Wavelet: return waveletLights(map, lights, arena, stop);
+  }
+  return medianCut(map, lights, stop);
+}
+
+/// What the bilinear look-up makes of a map, in its own axes.
+Environment finerMap(const Environment& map) {
+  Environment out;
+  out.width = kFineWidth;
+  out.height = kFineHeight;
+  std::vector<Vec3> texels;
+  texels.reserve(kFineTexels);
+  for (int y = 0; y < kFineHeight; ++y)
+    for (int x = 0; x < kFineWidth; ++x)
+      texels.push_back(interpolateTexels(map, (x + 0.5) * map.width / double(kFineWidth), (y + 0.5) * map.height / double(kFineHeight)));
+  out.texels = std::move(texels);
+  return out;
+}
+
+/// Integral over the sphere of the bilinear look-up, by channel.
+DVec3 channelFlux(const Environment& map) {
+  const EnvironmentTents tents(map.width, map.height);
+  DVec3 sum(0.0);
+  for (int y = 0; y < map.height; ++y)
+    for (int x = 0; x < map.width; ++x) sum += tents.weight(y) * DVec3(map.texels[size_t(y) * size_t(map.width) + size_t(x)]);
+  return sum;
+}
+
 class ExtractLightsNode final : public Node {
  public:
   ExtractLightsNode(int lights, ExtractBy by, size_t texels) : lights_(lights), by_(by), texels_(texels) {}
   std::string type() const override { return "extract_lights"; }
-  int version() const override { return 2; }  // 2: of the bilinear look-up
+  int version() const override { return 3; }  // 2: of the bilinear look-up; 3: maps of few texels are made finer
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = Facet::Environment;
@@ -122,12 +161,14 @@ class ExtractLightsNode final : public Node {
     return Wiring(type(), in, 0).gives(std::move(out));
   }
   size_t workingBytes() const override {
+    const bool finer = texels_ < kFewTexels;
+    const size_t texels = finer ? kFineTexels : texels_, map = finer ? kFineTexels * sizeof(Vec3) : 0;
     switch (by_) {
       case ExtractBy::MedianCut: break;
-      case ExtractBy::Structured: return structuredBytes(texels_);
-      case ExtractBy::Wavelet: return waveletBytes(texels_);
+      case ExtractBy::Structured: return map + structuredBytes(texels);
+      case ExtractBy::Wavelet: return map + waveletBytes(texels);
     }
-    return texels_ * sizeof(double);
+    return map + texels * sizeof(double);
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
@@ -145,12 +186,15 @@ class ExtractLightsNode final : public Node {
 }  // namespace
 
 std::vector<MapLight> extractLights(const Environment& map, int lights, ExtractBy by, const TaskArena* arena, const StopToken& stop) {
-  switch (by) {
-    case ExtractBy::MedianCut: break;
-    case ExtractBy::Structured: return structuredLights(map, lights, arena, stop);
-    case ExtractBy::Wavelet: return waveletLights(map, lights, arena, stop);
-  }
-  return medianCut(map, lights, stop);
+  if (map.texels.size() >= kFewTexels) return lightsOf(map, lights, by, arena, stop);
+  const Environment finer = finerMap(map);
+  std::vector<MapLight> out = lightsOf(finer, lights, by, arena, stop);
+  // The look-up between the finer texels is not quite the map's: no flux is lost or made.
+  const DVec3 own = channelFlux(map), found = channelFlux(finer);
+  for (MapLight& light : out)
+    for (int k = 0; k < 3; ++k)
+      if (found[k] > 0) light.flux[k] *= own[k] / found[k];
+  return out;
 }
 
 TermPtr lightListTerm(std::span<const MapLight> lights) {

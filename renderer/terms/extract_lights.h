@@ -5,6 +5,8 @@
 //   MedianCut (Debevec 2005): greedy. The map is cut into k cells by splitting the cell with the largest power at its power median along its
 //     longer side; each cell becomes a light at its power centroid.
 //   Structured (structured_lights.h), Wavelet (wavelet_lights.h): lights at texels. A list's first lights are those of a shorter list, with other fluxes.
+// Maps of fewer than 8 x 4 texels (a constant one has a single texel) are made 64 x 32 first by the bilinear look-up, their fluxes kept: texels are what has
+// directions. Larger ones are taken as they are.
 #pragma once
 
 #include <span>

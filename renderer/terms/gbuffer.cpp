@@ -29,7 +29,7 @@ class GBufferNode final : public Node {
  public:
   explicit GBufferNode(const GBufferSettings& s) : s_(s) {}
   std::string type() const override { return "gbuffer"; }
-  int version() const override { return 2; }  // 2: in packets
+  int version() const override { return 3; }  // 2: in packets; 3: normals of tiny instances
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets;

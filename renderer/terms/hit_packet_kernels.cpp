@@ -83,7 +83,7 @@ void hitShading(const InstanceGeometry& g, const Vec3* normals, const Vec2* uv, 
       float n[3];
       for (int c = 0; c < 3; ++c) n[c] = m[0][c] * own[0][i] + m[1][c] * own[1][i] + m[2][c] * own[2][i];
       const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-      const bool usable = length > 1e-12f && length < std::numeric_limits<float>::infinity();
+      const bool usable = length > 1e-18f && length < std::numeric_limits<float>::infinity();
       for (int c = 0; c < 3; ++c) n[c] = usable ? n[c] / length : out.Ng[c][i];
       const bool inside = n[0] * out.Ng[0][i] + n[1] * out.Ng[1][i] + n[2] * out.Ng[2][i] < 0;
       for (int c = 0; c < 3; ++c) n[c] = inside ? -n[c] : n[c];

@@ -34,7 +34,8 @@ HitNormals hitNormals(const Normals& normals, const InstanceGeometry& g, const V
   const Vec3 ng = glm::dot(hit.Ng, direction) < 0 ? hit.Ng : -hit.Ng;
   n = g.normalToWorld * n;
   const float length = glm::length(n);
-  n = length > 1e-12f && std::isfinite(length) ? n / length : ng;
+  // Cofactors are of the scale squared: a mesh in micrometres has normals of 1e-12. Below 1e-18 squares leave float's range.
+  n = length > 1e-18f && std::isfinite(length) ? n / length : ng;
   if (glm::dot(n, ng) < 0) n = -n;
   if (glm::dot(n, direction) >= 0) n = ng;  // a shading normal that faces away from the viewer shades nothing
   return {n, ng};

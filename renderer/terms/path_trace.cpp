@@ -28,8 +28,9 @@ class PathTraceNode final : public Node {
   // 2: blocks continue one sequence; 3: volumes, every lobe; 4: light straight on; 5: bilinear environments; 6: tilted normals lose no specular light;
   // 7: every light in volumes, gentler roulette; 8: large finite values count; 9: hidden lights shine through delta events;
   // 10: of a lamp of few triangles those that face the receiver; 11: the first block is summed by passes;
-  // 12: directions from maps without the C library's sines (last bits of a few); 13: near triangles' solid angles by one arc tangent (as 12)
-  int version() const override { return 13; }
+  // 12: directions from maps without the C library's sines (last bits of a few); 13: near triangles' solid angles by one arc tangent (as 12);
+  // 14: lamps with triangles of no area, tangents in the texture's own turn
+  int version() const override { return 14; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;

@@ -12,7 +12,7 @@ class SurfaceNode final : public Node {
  public:
   explicit SurfaceNode(const GBufferSettings& s) : s_(s) {}
   std::string type() const override { return "surface"; }
-  int version() const override { return 2; }  // 2: flags, every texture
+  int version() const override { return 3; }  // 2: flags, every texture; 3: tangents in the texture's own turn
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kSurfaceFacets;

@@ -30,7 +30,8 @@ bool PlainMeshLight::build(const SceneView& view, const LightShape& shape) {
   area = float(total);
   // Squares of distances must stay inside float: lamps of ordinary size only (a millionth of a metre to a thousand kilometres).
   if (!(area > 1e-12f && area < 1e12f)) return false;
-  if (!doubleSided && triangles.size() <= FacingTriangles::kMost)
+  // By all triangles, those without area too, as MeshLight decides: draws here are weighed against its densities.
+  if (!doubleSided && mesh.triangles() <= FacingTriangles::kMost)
     for (size_t t = 0; t < triangles.size(); ++t) facing.add(triangles[t].p, triangles[t].n, areas[t]);
   const size_t n = areas.size();
   table.resize(n);

@@ -147,7 +147,7 @@ class SurfaceTable {
     Vec3 normal, tangent, bitangent;
   };  // world space, orthonormal; the normal as the vertices have it
   static void toWorld(const SurfaceInstance& s, Surface& out);
-  static bool tangentSpace(const SurfaceInstance& s, const Place& at, int uvSet, const Surface& out, TangentSpace& space);
+  static bool tangentSpace(const SurfaceInstance& s, const Place& at, const TextureRef& ref, const Surface& out, TangentSpace& space);
   static Vec2 uvAt(const SurfaceInstance& s, const Place& at, const TextureRef& ref);
   static Vec3 mapped(const SurfaceInstance& s, const Place& at, const SurfaceTexture& map, float scale, const Vec3& d, const Surface& out);
   static void texels(const SurfaceInstance& s, uint32_t primitive, float u, float v);

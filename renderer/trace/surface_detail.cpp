@@ -21,8 +21,8 @@ void SurfaceTable::texels(const SurfaceInstance& s, uint32_t primitive, float u,
   if (m.metallicRoughness && !m.lambert) m.metallicRoughness.texture->prefetch(uvAt(s, at, m.metallicRoughness.ref));
 }
 
-/// The mesh's (MikkTSpace) tangents, else the gradient of the texture coordinates. False where there is neither.
-bool SurfaceTable::tangentSpace(const SurfaceInstance& s, const Place& at, int uvSet, const Surface& out, TangentSpace& space) {
+/// The mesh's (MikkTSpace) tangents, else the gradient of the coordinates that `ref` is looked up at. False where there is neither.
+bool SurfaceTable::tangentSpace(const SurfaceInstance& s, const Place& at, const TextureRef& ref, const Surface& out, TangentSpace& space) {
   Vec3 normal = s.normals ? at.w * s.normals[at.a] + at.u * s.normals[at.b] + at.v * s.normals[at.c] : Vec3(0.0f);
   Vec3 tangent;
   float handed = 1.0f;
@@ -31,10 +31,10 @@ bool SurfaceTable::tangentSpace(const SurfaceInstance& s, const Place& at, int u
     tangent = Mat3(s.toWorld) * Vec3(t);
     handed = t.w < 0.0f ? -1.0f : 1.0f;
   } else {
-    const Vec2* set = s.uv[uvSet];
+    const Vec2* set = s.uv[ref.texcoord];
     if (!set) return false;
     const Vec3 e1 = s.positions[at.b] - s.positions[at.a], e2 = s.positions[at.c] - s.positions[at.a];
-    const Vec2 d1 = set[at.b] - set[at.a], d2 = set[at.c] - set[at.a];
+    const Vec2 d1 = transformUvDifference(ref, set[at.b] - set[at.a]), d2 = transformUvDifference(ref, set[at.c] - set[at.a]);
     const float det = d1.x * d2.y - d1.y * d2.x;
     if (det == 0.0f) return false;
     tangent = (e1 * d2.y - e2 * d1.y) / det;
@@ -63,7 +63,7 @@ bool SurfaceTable::tangentSpace(const SurfaceInstance& s, const Place& at, int u
 /// The shading normal of a normal map on the viewer's side; the surface's own where it cannot be had.
 Vec3 SurfaceTable::mapped(const SurfaceInstance& s, const Place& at, const SurfaceTexture& map, float scale, const Vec3& d, const Surface& out) {
   TangentSpace space;
-  if (!tangentSpace(s, at, map.ref.texcoord, out, space)) return out.n;
+  if (!tangentSpace(s, at, map.ref, out, space)) return out.n;
   const Vec4 t = map.texture->sample(uvAt(s, at, map.ref));
   const Vec3 local((2.0f * t.x - 1.0f) * scale, (2.0f * t.y - 1.0f) * scale, 2.0f * t.z - 1.0f);
   const Vec3 n = space.tangent * local.x + space.bitangent * local.y + space.normal * local.z;
@@ -104,8 +104,9 @@ void SurfaceTable::anisotropy(const SurfaceInstance& s, const Place& at, Surface
     direction = Vec2(2.0f * t.x - 1.0f, 2.0f * t.y - 1.0f);
   }
   TangentSpace space;
-  const int uvSet = m.anisotropy ? m.anisotropy.ref.texcoord : m.normal ? m.normal.ref.texcoord : 0;
-  if (!(out.bsdf.anisotropy > 0.0f) || !tangentSpace(s, at, uvSet, out, space)) return;
+  const TextureRef plain{};
+  const TextureRef& ref = m.anisotropy ? m.anisotropy.ref : m.normal ? m.normal.ref : plain;
+  if (!(out.bsdf.anisotropy > 0.0f) || !tangentSpace(s, at, ref, out, space)) return;
   const float c = std::cos(m.anisotropyRotation), r = std::sin(m.anisotropyRotation);
   const Vec3 t = space.tangent * (c * direction.x - r * direction.y) + space.bitangent * (r * direction.x + c * direction.y);
   const Vec3 across = t - out.n * glm::dot(out.n, t);

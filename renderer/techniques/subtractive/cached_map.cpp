@@ -25,6 +25,7 @@ class RadianceCacheNode final : public Node {
  public:
   explicit RadianceCacheNode(const RadianceCacheSettings& s) : s_(s) {}
   std::string type() const override { return "radiance_cache"; }
+  int version() const override { return 2; }  // 2: maps of any size whole
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override {
     h.add(s_.map->content).addPod(s_.towards).add(s_.side).add(s_.samples);

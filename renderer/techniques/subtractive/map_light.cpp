@@ -56,6 +56,7 @@ class UnshadowedMapNode final : public Node {
   UnshadowedMapNode(const GBufferSettings& view, EnvironmentPtr map, float rotation, const Vec3& scale, bool shines, DiffuseBy by)
       : view_(view), map_(std::move(map)), rotation_(rotation), scale_(scale), shines_(shines), by_(by) {}
   std::string type() const override { return "unshadowed_map"; }
+  int version() const override { return 2; }  // 2: maps of any size whole
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;
@@ -145,6 +146,7 @@ class ResidualLightsNode final : public Node {
  public:
   ResidualLightsNode(EnvironmentPtr map, int lights, ExtractBy by) : map_(std::move(map)), lights_(lights), by_(by) {}
   std::string type() const override { return "residual_lights"; }
+  int version() const override { return 2; }  // 2: maps of any size whole
   NodeTraits traits() const override {
     NodeTraits t;
     t.smallOutput = true;

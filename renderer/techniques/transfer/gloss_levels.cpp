@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
 #include <vector>
 
@@ -43,10 +44,33 @@ struct Grid {
   }
 };
 
+/// What a row or column of the level has of one of the map's.
+struct TexelPart {
+  int texel;
+  double part;          // of the texel
+  double sine, cosine;  // of the angle in the middle of the part
+};
+
+/// By overlap: each of `from` texels counts once, whatever the ratio. `angle`: of a place in [0,1].
+template <class Angle>
+std::vector<std::vector<TexelPart>> texelParts(int from, int to, const Angle& angle) {
+  std::vector<std::vector<TexelPart>> out(static_cast<size_t>(to));
+  for (int x = 0; x < to; ++x) {
+    const int64_t begin = int64_t(x) * from, end = begin + from;  // in shares of a texel, of which each has `to`: exact
+    for (int64_t texel = begin / to; texel * to < end; ++texel) {
+      const int64_t low = std::max(begin, texel * to), high = std::min(end, (texel + 1) * to);
+      const double middle = angle(double(low + high) / (2.0 * from * to));
+      out[size_t(x)].push_back({int(texel), double(high - low) / to, std::sin(middle), std::cos(middle)});
+    }
+  }
+  return out;
+}
+
 class GlossLevelsNode final : public Node {
  public:
   explicit GlossLevelsNode(EnvironmentPtr map) : map_(std::move(map)) {}
   std::string type() const override { return "gloss_levels"; }
+  int version() const override { return 2; }  // 2: maps of any size whole
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override { h.add(map_->content); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
@@ -75,8 +99,11 @@ class GlossLevelsNode final : public Node {
 
 bool sharpLevel(const Environment& map, std::span<const float> left, const TaskArena& arena, const StopToken& stop, std::span<float> out) {
   const int width = kGlossLevels[0].width, height = kGlossLevels[0].height;
-  // Texels of a finer map go into the one that holds their middle; a coarser one is looked up.
-  const int perX = std::max(1, map.width / width), perY = std::max(1, map.height / height);
+  // Texels of a finer map go into those that they lie in, by their parts; a coarser one is looked up.
+  const bool finer = map.width > width || map.height > height;
+  using Parts = std::vector<std::vector<TexelPart>>;
+  const Parts rows = finer ? texelParts(map.height, height, [](double v) { return v * kPiD; }) : Parts();
+  const Parts columns = finer ? texelParts(map.width, width, [](double u) { return (u - 0.5) * 2 * kPiD; }) : Parts();
   Environment own;  // in its own axes
   own.width = map.width;
   own.height = map.height;
@@ -86,22 +113,25 @@ bool sharpLevel(const Environment& map, std::span<const float> left, const TaskA
       size_t(height), 8,
       [&](size_t begin, size_t end) {
         for (size_t y = begin; y < end; ++y)
-          for (int x = 0; x < width; ++x) {
+          for (size_t x = 0; x < size_t(width); ++x) {
             DVec3 sum(0.0);
             double weight = 0;
-            for (int j = 0; j < perY; ++j) {
-              const double v = (double(y) + (j + 0.5) / perY) / height, theta = v * kPiD, s = std::sin(theta);
-              for (int i = 0; i < perX; ++i) {
-                const double u = (x + (i + 0.5) / perX) / width, phi = (u - 0.5) * 2 * kPiD;
-                const DVec3 d(s * std::cos(phi), std::cos(theta), s * std::sin(phi));
-                const Vec3 radiance = perX > 1 || perY > 1 ? map.texels[size_t(std::min(int(v * map.height), map.height - 1)) * size_t(map.width) +
-                                                                        size_t(std::min(int(u * map.width), map.width - 1))]
-                                                           : own.eval(Vec3(d));
-                if (isFinite(radiance)) sum += s * double(left[cellOf(d)]) * DVec3(radiance);
-                weight += s;
+            const auto add = [&](double w, const DVec3& d, const Vec3& radiance) {
+              if (isFinite(radiance)) sum += w * double(left[cellOf(d)]) * DVec3(radiance);
+              weight += w;
+            };
+            if (finer) {
+              for (const TexelPart& row : rows[y]) {
+                const Vec3* texels = map.texels.data() + size_t(row.texel) * size_t(map.width);
+                for (const TexelPart& column : columns[x])
+                  add(row.sine * row.part * column.part, DVec3(row.sine * column.cosine, row.cosine, row.sine * column.sine), texels[column.texel]);
               }
+            } else {
+              const double theta = (double(y) + 0.5) / height * kPiD, phi = ((double(x) + 0.5) / width - 0.5) * 2 * kPiD, s = std::sin(theta);
+              const DVec3 d(s * std::cos(phi), std::cos(theta), s * std::sin(phi));
+              add(s, d, own.eval(Vec3(d)));
             }
-            for (int c = 0; c < 3; ++c) out[3 * (y * size_t(width) + size_t(x)) + size_t(c)] = float(sum[c] / weight);
+            for (int c = 0; c < 3; ++c) out[3 * (y * size_t(width) + x) + size_t(c)] = float(sum[c] / weight);
           }
       },
       stop);

@@ -29,7 +29,8 @@ inline constexpr std::array<GlossLevel, 6> kGlossLevels{{
     {"level5", 1.0f, 32, 16, 32},
 }};
 
-/// Level 0: means over texels of the map, each times what is `left` of its cell (terms/environment_cells.h). `out`: width x height x 3. False: stopped.
+/// Level 0: means over the parts of the map's texels that lie in one of its own, each times what is `left` of its cell (terms/environment_cells.h); a coarser
+/// map is looked up. `out`: width x height x 3. False: stopped.
 bool sharpLevel(const Environment& map, std::span<const float> left, const TaskArena& arena, const StopToken& stop, std::span<float> out);
 /// Level k > 0 from level 0. A constant map stays constant.
 bool glossLevel(size_t k, std::span<const float> sharp, const TaskArena& arena, const StopToken& stop, std::span<float> out);

@@ -12,9 +12,10 @@ namespace {
 constexpr int kMostSteps = 60;  // of spacing: 1.2^60 is 56 000
 
 Vec3 at(const Mat4& m, const Vec3& p) { return Vec3(m * Vec4(p, 1.0f)); }
+/// Cofactors are of the scale squared, and `l` is of its fourth power.
 Vec3 unit(const Vec3& n, const Vec3& otherwise) {
   const float l = glm::dot(n, n);
-  return l > 1e-24f && l < 1e24f ? n / std::sqrt(l) : otherwise;
+  return l > 1e-36f && l < 1e24f ? n / std::sqrt(l) : otherwise;
 }
 
 /// An instance's matrix for normals, and whether it mirrors.

@@ -24,7 +24,7 @@ class TransferPointsNode final : public Node {
     t.persist = true;
     return t;
   }
-  int version() const override { return 2; }  // 2: triangles in strips, dense meshes thinned, gaps
+  int version() const override { return 3; }  // 2: triangles in strips, dense meshes thinned, gaps; 3: normals of tiny instances
   void hashParameters(Hasher& h) const override { h.add(s_.points).add(s_.seed); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     return Wiring(type(), in, 0)

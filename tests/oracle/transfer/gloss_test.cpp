@@ -50,6 +50,35 @@ TEST(GlossLevels, OfAConstantMapAreConstant) {
     for (size_t i = 0; i < level.size(); ++i) ASSERT_NEAR(level[i], 3.0f - float(i % 3), 2e-5f);
 }
 
+// Texels of maps that are no multiple of the level in size are neither lost nor counted twice.
+TEST(GlossLevels, HaveAllOfMapsOfAnySize) {
+  const auto solidAngle = [](int y, int columns, int rows) {
+    return 2 * std::numbers::pi / columns * (std::cos(y * std::numbers::pi / rows) - std::cos((y + 1) * std::numbers::pi / rows));
+  };
+  const std::vector<float> all(kCells, 1.0f);
+  const TaskArena arena(2);
+  const int columns = kGlossLevels[0].width, rows = kGlossLevels[0].height;
+  std::vector<float> level(floatsOf(kGlossLevels[0]));
+  for (const auto& [width, height] : {std::pair{1000, 500}, std::pair{1920, 960}, std::pair{600, 200}, std::pair{1024, 512}}) {
+    for (uint32_t lamp = 0; lamp < 8; ++lamp) {
+      const Vec2 q = SobolSampler(11, lamp).next2D();
+      const int x = std::min(int(q.x * float(width)), width - 1);
+      const int y = lamp == 0 ? 0 : lamp == 1 ? height - 1 : std::min(int(q.y * float(height)), height - 1);
+      Image image(width, height, 3);
+      image.data[3 * (size_t(y) * size_t(width) + size_t(x))] = 1000.0f;
+      ASSERT_TRUE(sharpLevel(*makeEnvironment("lamp", std::move(image)), all, arena, {}, level));
+      double sum = 0;
+      for (int v = 0; v < rows; ++v)
+        for (int u = 0; u < columns; ++u) sum += solidAngle(v, columns, rows) * double(level[3 * (size_t(v) * size_t(columns) + size_t(u))]);
+      EXPECT_NEAR(sum / (1000 * solidAngle(y, width, height)), 1.0, 0.02) << width << " x " << height << ", lamp at " << x << ", " << y;
+    }
+    Image image(width, height, 3);
+    std::fill(image.data.begin(), image.data.end(), 2.5f);
+    ASSERT_TRUE(sharpLevel(*makeEnvironment("constant", std::move(image)), all, arena, {}, level));
+    for (const float v : level) ASSERT_NEAR(v, 2.5f, 1e-5f) << width << " x " << height;
+  }
+}
+
 // Each level is the mean of the map by GGX's density over half vectors times the cosine: by 400 000 directions, cut off where it is (gloss_levels.cpp).
 TEST(GlossLevels, AreTheirLobesMeans) {
   const EnvironmentPtr map = smooth(1024);

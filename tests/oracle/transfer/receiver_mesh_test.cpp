@@ -49,6 +49,20 @@ TEST(ReceiverMesh, AThinTriangleIsCutAlongItsLength) {
   }
 }
 
+// Normals by the cofactors of a scale of 1e-7 are of 1e-14.
+TEST(ReceiverMesh, NormalsOfTinyInstancesAreTheVertices) {
+  SceneMaker m;
+  Mesh bent = tests::quad(Vec3(0.0f), Vec3(1e7f, 0, 0), Vec3(0, 1e7f, 0));
+  bent.normals = Array<Vec3>(std::vector<Vec3>(4, Vec3(0.6f, 0, 0.8f)));
+  m.instance(m.mesh(std::move(bent), m.material(Vec3(0.5f))), tests::scaling(Vec3(1e-7f)));
+  const ScenePtr scene = m.finish();
+  const SceneView view = viewOf(*scene);
+  const ReceiverMesh mesh(view, 100);
+  const auto points = mesh.points(view);
+  ASSERT_GT(mesh.size(), 0u);
+  for (size_t i = 0; i < mesh.size(); ++i) EXPECT_NEAR(std::fabs(points.normal[i].x), 0.6f, 1e-3f) << i;  // of both sides
+}
+
 // A ball of 20 000 triangles, for 300 points: no more, each place near its points, and no jump on the way from one to another.
 TEST(ReceiverMesh, ADenseMeshIsThinnedToWhatIsAskedFor) {
   SceneMaker m;

@@ -111,10 +111,10 @@ TEST(ExtractLights, ListsAreNested) {
     }
 }
 
-// A list of as many lights as there are lit texels is the map itself; a longer one is not longer.
+// A list of as many lights as there are lit texels is the map itself; a longer one is not longer. Maps of fewer than 32 texels are made finer.
 TEST(ExtractLights, EveryLitTexelIsALightAtMost) {
   for (const auto& [name, map] : cases()) {
-    if (map->width * map->height > 512) continue;
+    if (map->width * map->height > 512 || map->width * map->height < 32) continue;
     for (const ExtractBy by : kNested) {
       std::set<std::pair<int, int>> seen;
       const EnvironmentTents tents(map->width, map->height);
@@ -134,6 +134,36 @@ TEST(ExtractLights, EveryLitTexelIsALightAtMost) {
       if (by == ExtractBy::Structured) { EXPECT_EQ(lights.size(), lit) << name; }
     }
   }
+}
+
+// A constant environment is a map of one texel: its lights are all around, not one of them at +X.
+TEST(ExtractLights, OfOneTexelAreAllAround) {
+  for (const ExtractBy by : kAll) {
+    const std::vector<MapLight> lights = extractLights(*constantEnvironment(Vec3(1, 2, 3)), 64, by);
+    EXPECT_GT(lights.size(), 32u) << int(by);
+    DVec3 sum(0.0);
+    double flux = 0;
+    for (const MapLight& l : lights) {
+      sum += l.flux.y * l.direction;
+      flux += l.flux.y;
+      EXPECT_NEAR(l.flux.x, 0.5 * l.flux.y, 1e-6 * l.flux.y);
+      EXPECT_NEAR(l.flux.z, 1.5 * l.flux.y, 1e-6 * l.flux.y);
+    }
+    EXPECT_NEAR(flux, 8 * std::numbers::pi, 1e-5) << int(by);
+    EXPECT_LT(glm::length(sum), 0.1 * flux) << int(by);
+    // As a plane of any normal sees it: pi times the radiance, but for what 64 lights are too few for.
+    for (int k = 0; k < 6; ++k) {
+      DVec3 normal(0.0);
+      normal[k % 3] = k < 3 ? 1.0 : -1.0;
+      double irradiance = 0;
+      for (const MapLight& l : lights) irradiance += l.flux.y * std::max(glm::dot(normal, l.direction), 0.0);
+      EXPECT_NEAR(irradiance, 2 * std::numbers::pi, 0.15 * 2 * std::numbers::pi) << int(by) << " " << k;
+    }
+  }
+}
+
+TEST(ExtractLights, MapsOfFewTexelsCountTheFinerOne) {
+  for (const ExtractBy by : kAll) EXPECT_GT(makeExtractLightsNode(4, by, 1)->workingBytes(), size_t(64) * 32 * sizeof(Vec3)) << int(by);
 }
 
 // The sun is 1 / 2000 of the sphere and most of the light: it is the first light, where it is, with its own flux and a little sky.
@@ -380,6 +410,15 @@ TEST(WaveletLights, AreSpreadAsEvenlyAsSobolsPoints) {
   int quarter[4] = {};
   for (const MapLight& l : waveletLights(*map, 64)) ++quarter[(l.direction.x > 0 ? 1 : 0) + (l.direction.z > 0 ? 2 : 0)];
   for (const int n : quarter) EXPECT_EQ(n, 16);
+}
+
+// And begin in the middle of the light, not at a corner of the map.
+TEST(WaveletLights, TheFirstIsAtTheMedian) {
+  const auto first = [](bool right) {
+    return waveletLights(*mapOf(256, 128, [&](int x, int) { return Vec3(!right || x >= 128 ? 1.0f : 0.0f); }), 1).at(0).direction;
+  };
+  EXPECT_GT(first(false).x, 0.999) << "the middle of the map";
+  EXPECT_GT(first(true).z, 0.999) << "of its right half";
 }
 
 }  // namespace

@@ -160,6 +160,36 @@ TEST(GBuffer, NormalsOfWholePacketsAreThoseOfSingleLanes) {
   EXPECT_GT(compared, 1000u);
 }
 
+// A mesh in micrometres: its normals by the cofactors are of 1e-12.
+TEST(GBuffer, NormalsOfTinyInstancesAreSmooth) {
+  const auto normals = [](float unit, bool mirrored) {
+    SceneMaker m;
+    Mesh bent = quad(Vec3(-unit, -unit, 0), Vec3(2 * unit, 0, 0), Vec3(0, 2 * unit, 0));
+    for (const Vec3& n : {Vec3(-0.5f, -0.3f, 1), Vec3(0.4f, -0.2f, 1), Vec3(0.3f, 0.5f, 1), Vec3(-0.1f, 0.6f, 1)}) bent.normals.push_back(glm::normalize(n));
+    const float scale = 1.0f / unit;
+    m.instance(m.mesh(std::move(bent), m.material(Vec3(0.5f))), scaling(Vec3(mirrored ? -scale : scale, scale, scale)));
+    m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.2f);
+    const ScenePtr scene = m.finish();
+    const TaskArena arena(1);
+    NodeRunner run(*scene, arena);
+    const TermPtr term = run(makeGBufferNode(GBufferSettings{scene->cameras[0], 10, 6, 1}), {});  // whole tiles, and rims
+    const auto n = term->floats("N");
+    return std::vector<float>(n.begin(), n.end());
+  };
+  for (const bool mirrored : {false, true}) {
+    const std::vector<float> truth = normals(1.0f, mirrored);
+    float most = 0.0f;
+    for (size_t i = 0; i < truth.size() / 3; ++i) most = std::max(most, truth[3 * i + 2]);
+    EXPECT_GT(most, 0.9f);
+    EXPECT_GT(std::fabs(truth[0]), 0.05f) << "they lean";
+    for (const float unit : {1e5f, 1e6f, 1e7f}) {
+      const std::vector<float> found = normals(unit, mirrored);
+      ASSERT_EQ(found.size(), truth.size());
+      for (size_t i = 0; i < truth.size(); ++i) EXPECT_NEAR(found[i], truth[i], 1e-3f) << unit << " " << mirrored << " element " << i;
+    }
+  }
+}
+
 // Triangles so small or large that the squares of their normals leave float's range.
 TEST(GBuffer, NormalsOfTinyAndHugeTrianglesAreUnit) {
   for (const float size : {1e-9f, 1e-4f, 1.0f, 1e6f, 2e8f}) {

@@ -4,10 +4,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include <glm/gtc/matrix_transform.hpp>
 
 #include "support/chi2.h"
 #include "support/lit_scene.h"
+#include "trace/plain_mesh_light.h"
 
 namespace gobo::mesh_light_test {
 namespace {
@@ -163,6 +166,28 @@ TEST(MeshLight, NothingIsSpentOnTrianglesThatFaceAway) {
   // Within the box no front is seen.
   LightSample out;
   EXPECT_FALSE(s.sampler->sample(0, Vec3(0, 2, 0), Vec2(0.3f, 0.6f), out));
+}
+
+/// Draws of the vector code are weighed against the densities of this: both decide alike whether only triangles that face the receiver are drawn from,
+/// whatever triangles without area a mesh has besides (strips are joined by them, the poles of spheres are made of them).
+TEST(MeshLight, PlainLightsDrawByTheSameDensity) {
+  const Vec3 p(10, 2, 0), towards(-1, 0, 0);  // sees one face of the box, straight
+  for (const int empty : {0, 3, 6, 40}) {
+    std::vector<Vec3> corners = box(Vec3(0.5f, 0.1f, 0.5f));
+    for (int k = 0; k < empty; ++k) corners.insert(corners.end(), {Vec3(0.5f, 0.1f, 0.5f), Vec3(0.5f, 0.1f, -0.5f), Vec3(0.5f, 0.1f, 0.5f)});
+    LitScene s;
+    addEmissiveMesh(*s.scene, corners, glm::translate(Mat4(1.0f), Vec3(0, 2, 0)), false);
+    s.build();
+    PlainMeshLight plain;
+    ASSERT_TRUE(plain.build(SceneView(*s.scene, kLightFacets, s.subset), s.scene->lights[0].shape));
+    float visible = 0;
+    plain.pick(0.3f, p, visible);
+    const auto hits = crossings(*s.scene, p + Vec3(0, 0.03f, 0.07f), towards);
+    ASSERT_FALSE(hits.empty());
+    const MeshHit first = *std::min_element(hits.begin(), hits.end(), [](const MeshHit& a, const MeshHit& b) { return a.t < b.t; });
+    const double density = double(s.sampler->pdf(0, p, towards, first.t, first.primitive)) / (double(first.t) * first.t);
+    EXPECT_NEAR(1.0 / density, visible, 1e-4 * visible) << empty;
+  }
 }
 
 /// A receiver close to a large triangle: weights of samples by solid angle are the cosine alone, and so within 1 of each other, where by area

@@ -3,6 +3,7 @@
 #include "trace/surface.h"
 
 #include "support/tiny_scenes.h"
+#include "trace/texture_lookup.h"
 
 namespace gobo {
 namespace {
@@ -24,8 +25,9 @@ struct Look {
     return ref;
   }
   /// Of the middle of a quad in the plane y = 0: tangent +x, texture "up" +z (v runs to -z, and pictures are upside down).
-  Surface at(const Bsdf& bsdf, const Vec3& d = Vec3(0, -1, 0), bool mirrored = false) {
-    maker.instance(maker.mesh(ground(1.0f), maker.material(Vec3(0.5f), [&](Material& x) { x.bsdf = bsdf; })), mirrored ? scaling(Vec3(-1, 1, 1)) : Mat4(1.0f));
+  Surface at(const Bsdf& bsdf, const Vec3& d = Vec3(0, -1, 0), bool mirrored = false) { return of(ground(1.0f), bsdf, d, mirrored); }
+  Surface of(const Mesh& mesh, const Bsdf& bsdf, const Vec3& d, bool mirrored) {
+    maker.instance(maker.mesh(mesh, maker.material(Vec3(0.5f), [&](Material& x) { x.bsdf = bsdf; })), mirrored ? scaling(Vec3(-1, 1, 1)) : Mat4(1.0f));
     maker.camera(Vec3(0, 1, 0), Vec3(0.0f));
     scene = maker.finish();
     const std::vector<int> none;
@@ -134,6 +136,47 @@ TEST(Surface, AnisotropyTurnsTheFrame) {
   }
   Look plain;
   EXPECT_FALSE(plain.at(Bsdf{}).hasTangent);
+}
+
+// Tangents that are made are those of the coordinates that the map is looked up at, as if the mesh had those.
+TEST(Surface, MadeTangentsTurnWithTheTexture) {
+  struct Case {
+    float rotation;
+    Vec2 scale;
+  };
+  for (const Case& c : {Case{kPi / 2, Vec2(1.0f)}, Case{0, Vec2(-1, 1)}, Case{0, Vec2(2, -3)}, Case{2.3f, Vec2(-0.5f, 1.5f)}})
+    for (const bool mirrored : {false, true}) {
+      const auto look = [&](bool baked) {
+        Look l;
+        TextureRef turned;
+        turned.rotation = c.rotation;
+        turned.scale = c.scale;
+        turned.offset = Vec2(0.3f, -0.2f);
+        const auto map = [&](int red, int green, int blue) {
+          TextureRef ref = l.texel(red, green, blue, 255);
+          if (baked) return ref;
+          ref.rotation = turned.rotation;
+          ref.scale = turned.scale;
+          ref.offset = turned.offset;
+          return ref;
+        };
+        Mesh mesh = ground(1.0f);
+        if (baked)
+          for (Vec2& t : mesh.uv[0]) t = transformUv(turned, t);
+        Bsdf b;
+        b.metallic = 1;
+        b.anisotropy = 1;
+        b.normal = map(200, 170, 220);
+        b.anisotropyTexture = map(255, 180, 255);
+        return l.of(mesh, b, Vec3(0, -1, 0), mirrored);
+      };
+      const Surface own = look(false), truth = look(true);
+      ASSERT_TRUE(own.hasTangent && truth.hasTangent);
+      EXPECT_LT(truth.n.y, 0.95f);
+      EXPECT_LT(glm::length(own.n - truth.n), 1e-5f) << c.rotation << " " << c.scale.x << " " << c.scale.y << " " << mirrored;
+      EXPECT_LT(glm::length(own.frame().x - truth.frame().x), 1e-4f) << c.rotation << " " << c.scale.x << " " << c.scale.y << " " << mirrored;
+      if (c.rotation == kPi / 2) { EXPECT_LT(own.n.z, -0.3f) << "the picture's u runs along v, which is -z"; }
+    }
 }
 
 TEST(Surface, TheCoatLiesOverTheBumpsOfTheBase) {
