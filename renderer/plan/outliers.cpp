@@ -18,6 +18,7 @@ namespace {
 constexpr uint64_t kMostBytes = 2ull << 30;
 /// Beside its samples a filter holds: coordinates, order and mean distances of each; sums and pictures in double.
 constexpr uint64_t kWorkingBytesOfSample = 28, kWorkingBytesOfPixel = 320;
+constexpr double kLeastOutlierWhite = 1e-12;  // what path density takes
 
 uint64_t pixelsOf(const v1::RenderRequest& r) { return r.has_window() ? uint64_t(r.window().width()) * r.window().height() : uint64_t(r.width()) * r.height(); }
 uint64_t fitting(const v1::RenderRequest& r) { return kMostBytes / (pathdensity::kTermBytesOfSample * std::max<uint64_t>(pixelsOf(r), 1)); }
@@ -138,6 +139,12 @@ Status checkOutliers(const v1::RenderRequest& r) {
   const v1::OutlierRejection& o = r.denoise().outliers();
   if (r.denoise().has_axis_aligned())
     return invalidArgument("request.denoise.outliers: not before axis_aligned, which is told of each lobe's light by all samples", "request.denoise.outliers");
+  if (o.white() > 0 && o.white() < kLeastOutlierWhite) {
+    const std::string field = "request.denoise.outliers.white";
+    char text[160];
+    std::snprintf(text, sizeof text, " = %g: must be 0 or at least %g", o.white(), kLeastOutlierWhite);
+    return invalidArgument(field + text, field);
+  }
   if (o.has_path_density() && o.path_density().hard() < o.path_density().soft()) {
     const std::string field = "request.denoise.outliers.path_density.hard";
     char text[160];

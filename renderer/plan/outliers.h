@@ -17,7 +17,8 @@ inline namespace plan {
 std::vector<Contribution> withoutOutliers(PlanContext& c, std::span<const Contribution> brought, const std::string& label, uint32_t first);
 inline constexpr const char* kFirstSamples = "first";
 
-/// Errors: InvalidArgument: thresholds in the wrong order; ResourceExhausted: more samples than are held one by one. Each names the field.
+/// Errors: InvalidArgument: thresholds in the wrong order, a white too near to 0; ResourceExhausted: more samples than are held one by one. Each names the
+/// field.
 Status checkOutliers(const v1::RenderRequest& resolved);
 /// How many samples a pixel may have, for requests that leave their number open; what any number may be where no samples are held.
 uint32_t mostSamples(const v1::RenderRequest& resolved, uint32_t most);

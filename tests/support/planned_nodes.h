@@ -176,6 +176,7 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
        std::vector<std::vector<const char*>>{{"shadows.axis_aligned.mean_samples=12", "shadows.axis_aligned.rate=EQUATION"},
                                              {"shadows.axis_aligned.width=BAND_LIMIT", "shadows.axis_aligned.kernel=GAUSSIAN"},
                                              {"shadows.axis_aligned.adaptive=false"},
+                                             {"shadows.percentage_closer.pattern=POISSON", "shadows.percentage_closer.taps=5"},
                                              {"shadows.exponential.classification=Z_MAX"}}) {  // not by default
     v1::RenderRequest r = withLamp(width, height, std::string(as[0]).find("axis") != std::string::npos ? LightKind::Rect : LightKind::Spot);
     set(r, "shadows.map.resolution=32");

@@ -118,7 +118,7 @@ int mostNeighbours(double samplesPerPixel, int width, int height, const Settings
 Status checkSettings(const SampleView& v, const Settings& s) {
   GOBO_TRY(checkRange("film scale", double(s.metric.filmScale), 1e-3, 1e3));
   GOBO_TRY(checkRange("colour scale", double(s.metric.colourScale), 1e-3, 1e6));
-  GOBO_TRY(checkRange("white", double(s.metric.white), 1e-12, 1e12));
+  GOBO_TRY(checkRange("white", double(s.metric.white), double(1e-12f), 1e12));  // the float's own value, which is below 1e-12
   GOBO_TRY(checkRange("neighbours", s.neighbours, 1, 1 << 20));
   GOBO_TRY(checkRange("first samples", s.first, 0, 1 << 30));
   GOBO_TRY(checkRange("spread", double(s.spread), 0, 1000));

@@ -47,8 +47,9 @@ class BilateralNode final : public PictureNode {
     const int width = s.extent.width, height = s.extent.height;
     const size_t row = s.row(), n = size_t(width), wide = size_t(width + 2 * radius_);
     const float perRange = float(std::min(std::sqrt(0.5) / range_, double(std::numeric_limits<float>::max())));
-    std::vector<float> across;  // exponents of distance
-    for (int k = -radius_; k <= radius_; ++k) across.push_back(float(0.5 * k * k / (sigma_ * sigma_)));
+    std::vector<float> across;                                  // exponents of distance
+    const double variance = std::max(sigma_ * sigma_, 1e-300);  // no 0 / 0 for the least of widths, by which the pixel alone counts
+    for (int k = -radius_; k <= radius_; ++k) across.push_back(float(std::min(0.5 * k * k / variance, double(std::numeric_limits<float>::max()))));
     const bool complete = ctx.arena->parallelFor(
         s.rows(), 1,
         [&](size_t b, size_t e) {

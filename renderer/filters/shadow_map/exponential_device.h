@@ -16,7 +16,8 @@ inline namespace filters {
 Status deviceEncode(ResidentPlanes& on, const TermPtr& depth, float c, std::span<const float> weights, const std::shared_ptr<Term>& result);
 
 /// V of the receivers (planes P and instance of `gbuffer`, ~0u means no surface) from a filtered map's plane B, in pieces of 2^20 receivers, between which
-/// `stop` is polled (Cancelled). Map and receivers are uploaded where they are not on the device already.
+/// `stop` is polled (Cancelled). Map and receivers are uploaded where they are not on the device already. It knows no normals: that surfaces which turn away
+/// from the light are lit is for the caller to see to.
 struct DeviceLookup {
   LightFrame frame;
   float c, bias;

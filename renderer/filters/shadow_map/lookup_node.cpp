@@ -20,6 +20,7 @@ class LookupNode : public Node {
   LookupNode(ShadowBasisPtr basis, const ShadowLookup& lookup, std::shared_ptr<ComputeDevice> device)
       : basis_(std::move(basis)), l_(lookup), device_(std::move(device)), gaussian_(shadowGaussian(lookup.map.blur)) {}
   std::string type() const override { return "shadow_lookup"; }
+  int version() const override { return device_ ? 2 : 1; }  // 2, of devices: what turns away from the light is lit
   std::string numericClass() const override { return device_ ? device_->numericClass() : Node::numericClass(); }
   std::string device() const override { return device_ ? std::string(device_->kind()) + ": " + device_->name() : "cpu"; }
   NodeTraits traits() const override { return {.tileable = true}; }
@@ -55,11 +56,12 @@ class LookupNode : public Node {
       std::fill(V.begin(), V.end(), 1.0f);
       return TermPtr(term);
     }
+    const Receivers receivers(gbuffer, l_.frames, l_.map.resolution, l_.view, needs());
     if (device_) {
       GOBO_TRY(deviceLookup(ResidentPlanes::of(device_), {l_.frames.face[0], basis_->exponent(), l_.map.bias}, ctx.inputs[1], ctx.inputs[0], V, ctx.stop));
+      if (!lightAway(ctx, receivers, V)) return Status(Code::Cancelled, "shadow_lookup stopped");
       return TermPtr(term);
     }
-    const Receivers receivers(gbuffer, l_.frames, l_.map.resolution, l_.view, needs());
     std::optional<ShadowTexture> texture;
     std::optional<SummedArea> sums;
     std::optional<DepthBounds> bounds;
@@ -98,6 +100,23 @@ class LookupNode : public Node {
   ReceiverNeeds needs() const { return {.slopes = (basis_->comparesDepth() || classified()) && l_.map.slopeBias > 0.0f, .footprints = footprints()}; }
   bool footprints() const { return l_.map.lookup != Settings::BILINEAR; }
   bool classified() const { return l_.classification == Exponential::THRESHOLD || l_.classification == Exponential::Z_MAX; }
+
+  /// Devices know no normals: what turns away from the light is lit after them, by the rule that receivers here have. False: stopped.
+  static bool lightAway(const RunContext& ctx, const Receivers& receivers, std::span<float> V) {
+    return ctx.arena->parallelFor(
+        V.size(), 4096,
+        [&](size_t begin, size_t end) {
+          ReceiverBlock b;
+          for (size_t first = begin; first < end; first += kN) {
+            const int n = int(std::min<size_t>(kN, end - first));
+            std::fill_n(b.covered, n, 1);
+            receivers.facing(first, n, b);
+            for (int i = 0; i < n; ++i)
+              if (!b.covered[i]) V[first + size_t(i)] = 1.0f;
+          }
+        },
+        ctx.stop);
+  }
 
   // Half sides, in texels, of the region around receiver i whose surface the lookup averages: the pre-filter and the footprint, or `least`
   // beyond the pre-filter where the footprint is smaller.

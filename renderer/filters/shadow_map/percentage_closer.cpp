@@ -36,6 +36,7 @@ class PercentageCloserNode : public Node {
     l_.frames.hash(h);
     h.add(int(l_.pattern)).add(l_.pattern == v1::PercentageCloserShadow::GAUSSIAN ? l_.map.blur : l_.taps).add(l_.hard).add(l_.map.bias).add(l_.map.slopeBias);
     if (footprints()) h.addPod(l_.view.eye).add(l_.view.perspective);
+    if (turns()) l_.place.hash(h);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 2);
@@ -52,6 +53,7 @@ class PercentageCloserNode : public Node {
     if (map.type() == "depth_bounds") bounds.emplace(map, l_.map.resolution);
     Depths depths{bounds ? bounds->depth(0) : map.floats("z").data(), bounds ? bounds->faceTexels() : size_t(l_.map.resolution) * size_t(l_.map.resolution)};
     const Receivers receivers(gbuffer, l_.frames, l_.map.resolution, l_.view, needs());
+    const FilmElements film(gbuffer.extent(), l_.place);
     const auto& term = ctx.result;
     const std::span<float> V = term->writable<float>("V");
     const bool skips = bounds && readsDepthBounds(l_);
@@ -73,7 +75,7 @@ class PercentageCloserNode : public Node {
               for (int i = 0; i < n; ++i) V[first + size_t(i)] = float(verdict[i]);
             }
             for (int i = 0; i < n; ++i)
-              if (!skips || verdict[i] == 2) V[first + size_t(i)] = b.covered[i] ? visibility(depths, b, i, first + size_t(i)) : 1.0f;
+              if (!skips || verdict[i] == 2) V[first + size_t(i)] = b.covered[i] ? visibility(depths, b, i, film, first + size_t(i)) : 1.0f;
           }
         },
         ctx.stop);
@@ -89,8 +91,9 @@ class PercentageCloserNode : public Node {
   };
   ReceiverNeeds needs() const { return {.slopes = l_.map.slopeBias > 0.0f, .footprints = footprints()}; }
   bool footprints() const { return !l_.hard && l_.pattern == v1::PercentageCloserShadow::FOOTPRINT; }
+  bool turns() const { return !l_.hard && l_.pattern == v1::PercentageCloserShadow::POISSON; }
 
-  float visibility(const Depths& depths, const ReceiverBlock& b, int i, size_t element) const {
+  float visibility(const Depths& depths, const ReceiverBlock& b, int i, const FilmElements& film, size_t element) const {
     const float* z = depths.z + size_t(b.face[i]) * depths.faceTexels;
     const int side = l_.map.resolution;
     const ReceiverPlane r = receiverPlane(b, i, l_.map.bias, l_.map.slopeBias);
@@ -98,7 +101,7 @@ class PercentageCloserNode : public Node {
       const int x = int(r.x + 0.5f), y = int(r.y + 0.5f);
       return z[size_t(y) * size_t(side) + size_t(x)] < r.at(x, y) ? 0.0f : 1.0f;  // a depth that is no number is lit
     }
-    if (l_.pattern == v1::PercentageCloserShadow::POISSON) return poisson(z, side, r, element);
+    if (turns()) return poisson(z, side, r, film(element));
     AxisKernel kx, ky;
     if (l_.pattern == v1::PercentageCloserShadow::GAUSSIAN) {
       interpolatedKernel(r.x, gaussian_.data(), l_.map.blur, kx);
@@ -116,7 +119,7 @@ class PercentageCloserNode : public Node {
     return compareKernel(z, side, r, kx, ky);
   }
 
-  // taps^2 points of Vogel's spiral, an even disk, turned by a hash of the view sample; nearest texels.
+  // taps^2 points of Vogel's spiral, an even disk, turned by a hash of the view sample, by its place in the whole picture; nearest texels.
   float poisson(const float* z, int side, const ReceiverPlane& r, size_t element) const {
     const int count = l_.taps * l_.taps;
     const float radius = 0.5f * float(l_.taps);

@@ -38,6 +38,8 @@ class Receivers {
   size_t size() const { return instance_.size(); }
   /// Fills block[0, count) with elements [begin, begin + count), count <= kSize.
   void fill(size_t begin, int count, ReceiverBlock& block) const;
+  /// A part of fill(): `covered` of the first `count` becomes 0 where the surface turns away from the light (needs.facing; as they are without normals).
+  void facing(size_t begin, int count, ReceiverBlock& block) const;
   /// Metric planar depth of linear depth d on a face.
   float metric(int face, float d) const { return faces_[face].near + d * faces_[face].range; }
 
@@ -49,7 +51,6 @@ class Receivers {
     float scaleX, scaleY;  ///< window units a texel over the depth range
   };
   void slopes(size_t begin, int count, ReceiverBlock& block) const;
-  void facing(size_t begin, int count, ReceiverBlock& block) const;
   void footprints(size_t begin, int count, ReceiverBlock& block) const;
 
   std::span<const float> P_, N_, Ng_, footprint_;

@@ -72,7 +72,7 @@ void Receivers::fill(size_t begin, int count, ReceiverBlock& b) const {
       place(faces_[b.face[i]], i);
     }
   }
-  if (needs_.facing) facing(begin, count, b);
+  facing(begin, count, b);
   if (needs_.slopes) slopes(begin, count, b);
   else
     for (int i = 0; i < count; ++i) b.slopeX[i] = b.slopeY[i] = 0.0f;
@@ -82,6 +82,7 @@ void Receivers::fill(size_t begin, int count, ReceiverBlock& b) const {
 }
 
 void Receivers::facing(size_t begin, int count, ReceiverBlock& b) const {
+  if (!needs_.facing) return;
   const float* P = P_.data() + 3 * begin;
   const float* N = N_.data() + 3 * begin;
   const Vec3 forward = faces_[0].forward;

@@ -16,6 +16,7 @@
 #include "filters/shadow_map/shadow_basis.h"
 #include "gobo/v1/filters.pb.h"
 #include "terms/node.h"
+#include "terms/view_place.h"
 
 namespace gobo {
 inline namespace device {
@@ -105,6 +106,7 @@ struct PercentageCloserLookup {
   int taps = 2;  ///< 1 without bilinear weights: the hard shadow map
   bool hard = false;
   bool skip = true;
+  ViewPlace place;  ///< POISSON turns its disks by the pixel's place in the whole picture
 };
 /// Does it ask the pyramid of depth bounds, or do with the depth map?
 bool readsDepthBounds(const PercentageCloserLookup& lookup);

@@ -154,6 +154,7 @@ Result<NodeId> planPercentageCloser(Graph& graph, const ShadowInput& input, cons
   l.pattern = pattern;
   l.taps = taps;
   l.skip = boolParameter(m, "skip");
+  l.place = input.place;
   return addShadowFilter(graph, makePercentageCloserNode(l), {input.gbuffer, readsDepthBounds(l) ? planDepthBounds(graph, input, p) : p.depth}, "visibility",
                          input);
 }

@@ -26,7 +26,7 @@ class StyleAbstractionNode final : public Node {
  public:
   explicit StyleAbstractionNode(const StyleAbstractionSettings& s) : s_(s) { GOBO_CHECK(s.sigma >= 0.0f); }
   std::string type() const override { return "style_abstraction"; }
-  int version() const override { return 3; }  // 2: a round window, sums of differences; 3: by cells where a surface is smooth
+  int version() const override { return 4; }  // 2: a round window, sums of differences; 3: by cells where a surface is smooth; 4: strides within the picture
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override {
     if (!s_.varies) h.add(s_.sigma);
@@ -170,6 +170,8 @@ class StyleAbstractionNode final : public Node {
                               first + 6 * count,
                               first + 7 * count,
                               l.widths.varying.empty() ? nullptr : first + 8 * count};
+    // Strides beyond the picture would find no sample of it, and 1.5 of its sides reach all of it from anywhere.
+    const int side = std::max(l.in.width, l.in.height), longest = std::max(side / 12, 1);
     float sums[kAbstractionRun], weights[kAbstractionRun];
     for (int begin = 0, end = 0; begin < l.in.width; begin = end) {
       if (done[row + size_t(begin)]) {
@@ -182,13 +184,14 @@ class StyleAbstractionNode final : public Node {
         const size_t e = row + size_t(end);
         if (p.area[e] == 0.0f || !(l.widths.at(e) > 0.0f)) continue;
         const float pixels = l.pixelsOfSigma(e);
-        const int step = std::max(int(pixels / kPerSigma), 1);
+        const int step = std::clamp(int(pixels / kPerSigma), 1, longest);
         if (stride != 0 && step != stride) break;
         stride = step;
         most = std::max(most, pixels);
       }
       for (int x = begin; x < end; ++x) sums[x - begin] = 0, weights[x - begin] = p.area[row + size_t(x)];
-      if (stride != 0) addDisc(p, l.in.width, l.in.height, y, begin, end, kAbstractionReach * most / float(stride), stride, l.cosine, sums, weights);
+      const float reach = std::min(kAbstractionReach * most, 1.5f * float(side));  // pixels
+      if (stride != 0) addDisc(p, l.in.width, l.in.height, y, begin, end, reach / float(stride), stride, l.cosine, sums, weights);
       for (int x = begin; x < end; ++x) {
         const size_t e = row + size_t(x);
         out[e] = p.area[e] > 0.0f ? l.d[e] + sums[x - begin] / weights[x - begin] : l.d[e];

@@ -5,7 +5,8 @@
 // Computes     D'(x) = sum w D(y) / sum w,  w = exp(-|x - y|^2 / (2 sigma^2)) dA(y)  over samples y within 3 sigma in the world whose normals differ by at most
 // `angle`
 //              and that have a distance (|D| < 1e30); dA(y) the area of the surface that sample y stands for. x itself always counts. Samples are taken at the
-//              picture's raster, every sigma/3 of it (of the width of a pixel at x): the trapezoid rule, exact for a Gaussian.
+//              picture's raster, every sigma/3 of it (of the width of a pixel at x) and at least every twelfth of its longer side: the trapezoid rule, exact
+//              for a Gaussian. A sigma far beyond the picture gives the mean over the surface.
 // Effect       Straight edges stay where they are. A disc of radius R shrinks to about R - sigma^2 / (2 R) and is gone at sigma = R sqrt(2/pi) with the
 // Euclidean distance, so
 //              small shadows vanish; a contour that waves with wave number k keeps exp(-sigma^2 k^2 / 2) of its amplitude.

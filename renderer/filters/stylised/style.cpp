@@ -187,7 +187,7 @@ class StylePlan {
     for (const auto& [field, f] : formulas) edges = edges || f.readsEdges();
     if (edges) inputs.push_back(occluder());
     if (reads(StyleName::Edge)) inputs.push_back(edge);
-    return filter(makeStyleParametersNode(extent_, std::move(formulas), formulas_.time), std::move(inputs), "style_parameters" + whose + of_);
+    return filter(makeStyleParametersNode(extent_, std::move(formulas), formulas_.time, input_.place), std::move(inputs), "style_parameters" + whose + of_);
   }
   NodeId occluder() {
     if (occluder_ >= 0) return occluder_;
@@ -281,11 +281,16 @@ Result<NodeId> planStyleDistance(Graph& graph, NodeId styled) {
   const GraphNode& n = graph.at(styled);
   const std::string type = n.node->type();
   if (type == "style_transfer") return n.inputs.at(0);
-  if (type == "style_pattern") return planStyleDistance(graph, n.inputs.at(0));
-  if (type == "style_levels") return planStyleDistance(graph, n.inputs.at((n.inputs.size() + 1) / 2));  // with or without the visibility before them
+  const NodeId before = n.inputs.empty() ? -1 : n.inputs[0];  // a copy: the graph may grow below
+  if (type == "style_pattern") return planStyleDistance(graph, before);
+  if (type == "style_levels") {  // the middle one of the plan, with or without the visibility before them
+    const size_t first = graph.at(n.inputs.at(0)).node->type() == "style_transfer" ? 0 : 1;
+    const NodeId middle = n.inputs.at(first + (n.inputs.size() - first) / 2);
+    return planStyleDistance(graph, middle);
+  }
   if (type != "crop") return invalidArgument("no style is what makes this light's shadow (shadows.style)");
   GraphNode window{n.node, {}, {}, "style_crop distance"};
-  GOBO_ASSIGN(const NodeId whole, planStyleDistance(graph, n.inputs.at(0)));
+  GOBO_ASSIGN(const NodeId whole, planStyleDistance(graph, before));
   window.inputs = {whole};
   return graph.add(std::move(window));
 }

@@ -16,7 +16,8 @@ namespace {
 
 class StyleParametersNode final : public Node {
  public:
-  StyleParametersNode(const Extent& e, StyleFormulaList formulas, double time) : extent_(e), formulas_(std::move(formulas)), time_(time) {
+  StyleParametersNode(const Extent& e, StyleFormulaList formulas, double time, const ViewPlace& place)
+      : extent_(e), formulas_(std::move(formulas)), time_(time), place_(place) {
     GOBO_CHECK(!formulas_.empty());
   }
   std::string type() const override { return "style_parameters"; }
@@ -35,6 +36,7 @@ class StyleParametersNode final : public Node {
       }
     }
     if (reads(StyleName::Time)) h.add(time_);
+    // No place: it is of errors alone, and the G-buffer's key has it anyhow.
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     const size_t distance = readsEdges() ? 1 : 0, edge = reads(StyleName::Edge) ? 1 : 0;
@@ -133,7 +135,7 @@ class StyleParametersNode final : public Node {
   }
 
   Status refuse(const Inputs& in, size_t e, const StyleFormula& f) const {
-    const size_t x = e % size_t(extent_.width), y = e / size_t(extent_.width) % size_t(extent_.height);
+    const int64_t x = int64_t(e % size_t(extent_.width)) + place_.x, y = int64_t(e / size_t(extent_.width) % size_t(extent_.height)) + place_.y;
     std::string read;
     for (size_t k = 0; k < kStyleNames.size(); ++k) {
       if (!f.formula.reads(k)) continue;
@@ -148,12 +150,13 @@ class StyleParametersNode final : public Node {
   Extent extent_;
   StyleFormulaList formulas_;
   double time_;
+  ViewPlace place_;
 };
 
 }  // namespace
 
-NodePtr makeStyleParametersNode(const Extent& extent, StyleFormulaList formulas, double time) {
-  return std::make_shared<StyleParametersNode>(extent, std::move(formulas), time);
+NodePtr makeStyleParametersNode(const Extent& extent, StyleFormulaList formulas, double time, const ViewPlace& place) {
+  return std::make_shared<StyleParametersNode>(extent, std::move(formulas), time, place);
 }
 
 }  // namespace filters

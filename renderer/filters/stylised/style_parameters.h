@@ -12,12 +12,14 @@
 
 #include "filters/stylised/style_formulas.h"
 #include "terms/node.h"
+#include "terms/view_place.h"
 
 namespace gobo {
 inline namespace filters {
 
-/// Abstraction reads no edge and is made before it: the caller plans it apart from the others. `formulas` is not empty.
-NodePtr makeStyleParametersNode(const Extent& extent, StyleFormulaList formulas, double time);
+/// Abstraction reads no edge and is made before it: the caller plans it apart from the others. `formulas` is not empty. `place`: of the view, by which errors
+/// name pixels of the picture (those of a guard around it are below 0 or beyond its size).
+NodePtr makeStyleParametersNode(const Extent& extent, StyleFormulaList formulas, double time, const ViewPlace& place = {});
 
 }  // namespace filters
 }  // namespace gobo

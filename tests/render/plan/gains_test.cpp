@@ -53,6 +53,21 @@ TEST(Gains, OfEveryKindOfLightActOnEachChannel) {
     }
 }
 
+TEST(Gains, BeyondWhatAFloatHoldsAreRefusedByName) {
+  const auto engine = makeEngine();
+  for (const char* gain : {"1e30,1,1", "1,1,1e38"}) {
+    v1::RenderRequest r = smallRequest("cornell", 8, 6, 1);
+    set(r, std::string("lights.light.gain=") + gain);
+    const auto made = engine->render(r);
+    ASSERT_FALSE(made.ok()) << gain;
+    EXPECT_EQ(made.status().code(), Code::InvalidArgument) << made.status().toString();
+    EXPECT_EQ(made.status().location(), "request.lights.light") << made.status().toString();
+  }
+  v1::RenderRequest r = smallRequest("cornell", 8, 6, 1);
+  set(r, "lights.light.gain=1e6,1,1");
+  EXPECT_TRUE(engine->render(r).ok());
+}
+
 double meanDifference(const RenderResult& a, const RenderResult& b) {
   const Image &x = a.images[0].image(), &y = b.images[0].image();
   double difference = 0, sum = 0;

@@ -327,6 +327,11 @@ TEST(Outliers, MistakesAreNamed) {
   refused({"denoise.outliers.trimmed.share=0.6"}, Code::InvalidArgument, "request.denoise.outliers.trimmed.share", "share = 0.6");
   refused({"denoise.outliers.path_density.hard=1"}, Code::InvalidArgument, "request.denoise.outliers.path_density.hard",
           "hard = 1: must be at least `soft`, which is 2");
+  refused({"denoise.outliers.path_density.neighbours=10", "denoise.outliers.white=1e-13"}, Code::InvalidArgument, "request.denoise.outliers.white",
+          "white = 1e-13: must be 0 or at least 1e-12");
+  v1::RenderRequest least = smallRequest("cornell", 8, 6, 2);
+  for (const char* e : {"denoise.outliers.path_density.neighbours=10", "denoise.outliers.white=1e-12"}) set(least, e);
+  EXPECT_TRUE(engine->render(least).ok());
   refused({"denoise.outliers.trimmed=", "width=4096", "height=4096", "halt.spp=64"}, Code::ResourceExhausted, "request.halt.spp",
           "64 of 16777216 pixels are more than the 2048 MiB");
   refused({"denoise.outliers.trimmed=", "width=16384", "height=16384", "halt.time_s=1", "view_samples=1"}, Code::ResourceExhausted, "request.width",

@@ -188,6 +188,40 @@ TEST(StyleLevelsOfPlans, OfANeutralStyleAreSoftVisibilityInSteps) {
   EXPECT_GT(most(plain, hard, 0, 0), 0.2);
 }
 
+TEST(StyleLevelsOfPlans, HaveTheDistanceOfTheMiddleOne) {  // of an odd number: the contour of one half, as one level has it
+  const auto engine = makeEngine();
+  v1::RenderRequest r = boxes();
+  r.set_view_samples(1);
+  set(r, "lights.lamp.kind=RECT");
+  set(r, "lights.lamp.width=0.5");
+  set(r, "lights.lamp.height=0.5");
+  r.mutable_lights()->at("lamp").clear_outer_deg();
+  r.mutable_lights()->at("lamp").clear_inner_deg();
+  const Image soft = mustRender(*engine, styled(r, {}, "ray_traced.samples=64")).images[0].image();
+  const auto distance = [&](const char* levels) {
+    v1::RenderRequest s = styled(r, {levels}, "ray_traced.samples=64");
+    s.clear_outputs();
+    s.add_outputs("shadow_distance:lamp");
+    return mustRender(*engine, s).images[0].image();
+  };
+  const Image one = distance("levels=1");
+  int between = 0, dark = 0;  // light by one half, dark by the levels above
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < kWidth; ++x) {
+      between += soft.at(x, y)[0] > 0.5f && soft.at(x, y)[0] < 0.7f;
+      dark += one.at(x, y)[0] < 0.0f;
+    }
+  EXPECT_GT(between, 0);
+  EXPECT_GT(dark, 0);
+  for (const char* levels : {"levels=3", "levels=5", "levels=7"}) {
+    const Image several = distance(levels);
+    int other = 0;
+    for (int y = 0; y < kHeight; ++y)
+      for (int x = 0; x < kWidth; ++x) other += (several.at(x, y)[0] < 0.0f) != (one.at(x, y)[0] < 0.0f);
+    EXPECT_EQ(other, 0) << levels;
+  }
+}
+
 TEST(StyleLevelsOfPlans, KeepDistancesAndHoldOneLevelAtATime) {
   const auto engine = makeEngine();
   v1::RenderRequest r = styled(boxes(), {"softness=0.2", "abstraction=0.05", "levels=3"});

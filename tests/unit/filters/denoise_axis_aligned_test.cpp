@@ -174,6 +174,19 @@ TEST(DenoiseAxisAligned, WidthsFollowBendingAndNoise) {
   EXPECT_EQ(denoised(*filter(), unknown).a, p.a);
 }
 
+// A width far below a pixel would take from the next one what rounding leaves of it: it is none.
+TEST(DenoiseAxisAligned, WidthsFarBelowAPixelChangeNothing) {
+  SpatialPicture p(40, 30);
+  p.light(7, 0.02f, [](int, int, int) { return 1.0f; });
+  const float bending = 0.5f;
+  std::fill(p.curvature.begin(), p.curvature.end(), bending);
+  for (const bool narrow : {true, false}) {
+    const double width = narrow ? 0.29 : 0.31;
+    std::fill(p.variance.begin(), p.variance.end(), float(std::pow(width, 6) * 8 * std::numbers::pi * 0.04 * double(bending * bending)));
+    EXPECT_EQ(denoised(*filter(), p).a == p.a, narrow) << width;
+  }
+}
+
 // Pixels that surfaces share are nobody's neighbours, and stay for others to mend.
 TEST(DenoiseAxisAligned, LeavesOutWhatIsNotEven) {
   SpatialPicture p(90, 90);

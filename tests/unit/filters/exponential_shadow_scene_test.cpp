@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
 
 #include "device/egl/egl_device.h"
 #include "device/vulkan/vulkan_device.h"
@@ -20,6 +21,26 @@ MeshPtr quad(Vec3 a, Vec3 b, Vec3 c, Vec3 d) {
   auto mesh = std::make_shared<Mesh>();
   mesh->positions = {a, b, c, d};
   mesh->indices = {0, 1, 2, 0, 2, 3};
+  sealMesh(*mesh);
+  return mesh;
+}
+
+/// A closed body: the sides of a box, outwards.
+MeshPtr closedBody(const Vec3& lo, const Vec3& hi) {
+  auto mesh = std::make_shared<Mesh>();
+  for (int axis = 0; axis < 3; ++axis)
+    for (const bool upper : {false, true}) {
+      const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+      Vec3 a = lo;
+      if (upper) a[axis] = hi[axis];
+      Vec3 b = a, c = a, d = a;
+      b[u] = c[u] = hi[u];
+      c[v] = d[v] = hi[v];
+      if (!upper) std::swap(b, d);
+      const auto first = uint32_t(mesh->positions.size());
+      for (const Vec3& p : {a, b, c, d}) mesh->positions.push_back(p);
+      for (const uint32_t k : {0u, 1u, 2u, 0u, 2u, 3u}) mesh->indices.push_back(first + k);
+    }
   sealMesh(*mesh);
   return mesh;
 }
@@ -183,19 +204,40 @@ TEST(ExponentialShadowScene, BareFloorHasNoAcne) {
 
 TEST(ExponentialShadowScene, DevicesAgreeOnTheWholeTechnique) {
   ASSERT_TRUE(VulkanDevice::shared().ok() && EglDevice::shared().ok());
-  const ScenePtr scene = cardScene(LightKind::Spot);
+  // A body whose side towards the camera turns away from the lamp: lit, as no light is missing there.
+  const auto scene = std::make_shared<Scene>(*cardScene(LightKind::Spot));
+  const auto body = uint32_t(scene->instances.size());
+  scene->meshes.push_back(closedBody({-0.4f, 0.2f, -0.4f}, {0.4f, 0.8f, 0.4f}));
+  scene->instances.push_back({.name = "body", .mesh = int(scene->meshes.size()) - 1});
+  ASSERT_TRUE(scene->seal().ok());
   std::vector<TermPtr> results;
+  TermPtr gbuffer;
   for (const auto device : {v1::ExponentialShadow::CPU, v1::ExponentialShadow::VULKAN, v1::ExponentialShadow::EGL}) {
     Planned p;
     ASSERT_TRUE(plan(p, scene, technique(256, 3, device)).ok());
     RunCounters counters;
-    results.push_back(runAll(p.graph, counters).back());
+    const auto terms = runAll(p.graph, counters);
+    ASSERT_EQ(int(terms.size()), p.graph.size());
+    results.push_back(terms.back());
+    gbuffer = terms[size_t(p.gbuffer)];
   }
   const auto a = results[0]->floats("V"), b = results[1]->floats("V"), c = results[2]->floats("V");
   for (size_t i = 0; i < a.size(); ++i) {
     ASSERT_NEAR(a[i], b[i], 1e-4);
     ASSERT_NEAR(a[i], c[i], 1e-4);
   }
+  const auto P = gbuffer->floats("P"), N = gbuffer->floats("N");
+  const auto instance = gbuffer->plane<uint32_t>("instance");
+  int away = 0;
+  for (size_t i = 0; i < a.size(); ++i) {
+    if (instance[i] != body) continue;
+    const Vec3 from = Vec3(P[3 * i], P[3 * i + 1], P[3 * i + 2]) - scene->lights[0].shape.position;
+    if (!(glm::dot(from, Vec3(N[3 * i], N[3 * i + 1], N[3 * i + 2])) > 0.0f)) continue;
+    ++away;
+    EXPECT_EQ(a[i], 1.0f);
+    EXPECT_EQ(b[i], 1.0f);
+  }
+  EXPECT_GT(away, 20);
 }
 
 TEST(ExponentialShadowScene, MapsBeyondTheDeviceAreRefusedBeforeTheyAreMade) {

@@ -26,6 +26,10 @@ TEST(LookupKeys, PatternOrderAndResolutionAreInThem) {
   regular.taps = poisson.taps = 3;
   poisson.pattern = v1::PercentageCloserShadow::POISSON;
   EXPECT_NE(key(makePercentageCloserNode(regular)), key(makePercentageCloserNode(poisson)));
+  PercentageCloserLookup regularPart = regular, poissonPart = poisson;  // disks are turned by a pixel's place in the picture
+  regularPart.place = poissonPart.place = {3, 4, 64, 48};
+  EXPECT_EQ(key(makePercentageCloserNode(regular)), key(makePercentageCloserNode(regularPart)));
+  EXPECT_NE(key(makePercentageCloserNode(poisson)), key(makePercentageCloserNode(poissonPart)));
   EXPECT_NE(key(makeLightDepthMapNode(LightFrames(), 64)), key(makeLightDepthMapNode(LightFrames(), 65)));
   ConvolutionSoftLookup four, eight;
   eight.order = 8;

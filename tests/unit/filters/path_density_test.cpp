@@ -242,6 +242,15 @@ TEST(PathDensity, EvenLightStaysWholeUpToSevenNeighboursASampleAndMoreIsRefused)
     ASSERT_FALSE(refused.ok());
     EXPECT_EQ(refused.status().code(), Code::InvalidArgument);
     EXPECT_NE(refused.status().message().find(std::to_string(most)), std::string::npos) << refused.status().message();
+    // Unless as many will do as there may be.
+    s.fewer = true;
+    ASSERT_TRUE(checkNeighbours(samples.view(), s).ok());
+    EXPECT_EQ(s.neighbours, most);
+    s.neighbours = 5;
+    ASSERT_TRUE(checkNeighbours(samples.view(), s).ok());
+    EXPECT_EQ(s.neighbours, 5);
+    ASSERT_TRUE(checkNeighbours(1e-3, 40, 33, s).ok());
+    EXPECT_EQ(s.neighbours, 1) << "of next to no samples";
   }
   // Why: with as many neighbours as fit inside, corners would go without the correction.
   Settings s = source();

@@ -178,6 +178,29 @@ TEST(PercentageCloser, PoissonDisksAverageToTheDisk) {
   }
 }
 
+TEST(PercentageCloser, PoissonDisksOfAPartAreThoseOfTheWhole) {
+  const int n = 400, from = 130, part = 90, guard = 7;
+  const auto points = scattered(n, 240);
+  const TermPtr depth = depthMap(kSize, rough);
+  PercentageCloserLookup l = unitComparison(kSize, Percentage::POISSON, 5);
+  const auto whole = compare(depth, l, receivers(points));
+  const auto of = [&](int begin, int end) { return receivers(std::vector<Vec3>(points.begin() + begin, points.begin() + end)); };
+  const auto moved = compare(depth, l, of(from, from + part));
+  l.place = {from, 0, n, 1};
+  const auto window = compare(depth, l, of(from, from + part));
+  int others = 0;
+  for (int i = 0; i < part; ++i) {
+    ASSERT_EQ(window[size_t(i)], whole[size_t(from + i)]) << i;
+    others += moved[size_t(i)] != whole[size_t(from + i)];
+  }
+  EXPECT_GT(others, 5) << "another place would be other disks";
+  l.place = {-guard, 0, n - guard, 1};  // more around the picture, which begins at the guard's end
+  const auto guarded = compare(depth, l, receivers(points));
+  l.place = {};
+  const auto plain = compare(depth, l, of(guard, n));
+  for (int i = guard; i < n; ++i) ASSERT_EQ(guarded[size_t(i)], plain[size_t(i - guard)]) << i;
+}
+
 TEST(PercentageCloser, ReceiverPlaneFollowsTheSurface) {
   // A lit slanted plane: depth of the receiver at every tap is the plane's, so that nothing shadows itself however wide the kernel.
   const float m = 0.012f;

@@ -80,6 +80,14 @@ TEST(PictureFilters, SmoothingAConstantKeepsItsBits) {
   }
 }
 
+TEST(PictureFilters, TheNarrowestBilateralLeavesThePicture) {
+  const TermPtr in = pictureOf(13, 9, noise);
+  for (const double sigma : {1e-300, 1e-170, 1e-30, 1e-3}) {
+    const auto out = filtered(makeBilateralNode(shaped(13, 9), sigma, 0.3), in);
+    ASSERT_TRUE(std::equal(out.all().begin(), out.all().end(), in->floats("rgb").begin())) << sigma;
+  }
+}
+
 TEST(PictureFilters, MirroredBordersLoseNoLight) {
   // The sum of a picture is that of any smoothing of it, wherever light is, for kernels wider than the picture too.
   for (const auto& [w, h] : {std::pair(16, 11), std::pair(7, 13), std::pair(1, 1), std::pair(1, 9)})

@@ -155,6 +155,10 @@ TEST(StyleParameters, WhatIsNoNumberIsRefusedWithItsPlace) {
     EXPECT_EQ(r.status().code(), Code::InvalidArgument);
     EXPECT_EQ(r.status().location(), "request.expressions.x.formula");
     EXPECT_NE(r.status().message().find("at pixel 26, 0, where edge = 5.5"), std::string::npos) << r.status().toString();
+    // With a guard of 15 pixels around the picture, the picture's pixel.
+    const auto guarded = tryFilter(makeStyleParametersNode(floor.e, f, 0, {-15, -15, 10, 0}), {floor.g, floor.D}, threads);
+    ASSERT_FALSE(guarded.ok());
+    EXPECT_NE(guarded.status().message().find("at pixel 11, -15, where edge = 5.5"), std::string::npos) << guarded.status().toString();
   }
 }
 

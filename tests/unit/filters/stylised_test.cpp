@@ -335,6 +335,17 @@ TEST(StyleAbstraction,
   EXPECT_GT(tested, 100);
 }
 
+// Sample by sample, as where the width is said to vary: steps of sigma / 3 would be beyond the picture.
+TEST(StyleAbstraction, WiderThanThePictureIsItsMean) {
+  const Extent e{60, 44, 1};
+  const auto D = distances(e, [](float x, float) { return x < 20 ? -1.0f : 2.0f; });
+  for (const float sigma : {1e3f, 1e6f, 1e9f}) {
+    const auto width = floatTerm(e, "abstraction", [&](int, int, int) { return sigma; });
+    const auto out = runFilter(makeStyleAbstractionNode({e, 0, kPi / 4, true}), {D, planeGBuffer(view(e, 1.0f)), width});
+    for (size_t i = 0; i < e.elements(); ++i) ASSERT_NEAR(out->floats("D")[i], 1.0f, 0.02f) << sigma << " at " << i;
+  }
+}
+
 TEST(StyleAbstraction, NoneCopies) {
   const Extent e{33, 21, 2};
   const auto D = noiseTerm(e, "D", 9);

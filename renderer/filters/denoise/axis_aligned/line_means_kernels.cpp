@@ -24,12 +24,12 @@ void lineWeights(const AlikePlanes& k, const LineWindow& window, size_t p, ptrdi
     const float dx = x[q] - x[t], dy = y[q] - y[t], dz = z[q] - z[t];
     const float along = nx[t] * dx + ny[t] * dy + nz[t] * dz, square = std::max(dx * dx + dy * dy + dz * dz - along * along, 0.0f);
     const float cosine = nx[q] * nx[t] + ny[q] * ny[t] + nz[q] * nz[t];
+    // Positive too where the width there is -1, not to be used: a threshold is 1 at most.
     const float apart = std::fabs(width[q] - width[t]) - threshold * std::max(width[q], width[t]);
     float weight = fastExp(-square * inverse[t]);
     weight = cosine >= cosAngle ? weight : 0.0f;
     weight = std::fabs(along) <= off * footprint[t] ? weight : 0.0f;
     weight = apart <= 0.0f ? weight : 0.0f;
-    weight = width[q] >= 0.0f ? weight : 0.0f;
     w[t] = away <= reach[t] ? weight : 0.0f;
   }
 }
