@@ -109,6 +109,8 @@ void RenderCall::work() {
     const std::lock_guard lock(mutex_);
     job_ = id;
   };
+  RunSoFar soFar;
+  control.soFar = &soFar;
   std::optional<RenderResult> result;
   const RunReport report = core_.jobs.run(
       spec,

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <list>
 #include <map>
+#include <utility>
 
 namespace gobo {
 inline namespace base {
@@ -29,6 +30,19 @@ class LatestMap {
   const Value* find(const Key& key) const {
     const auto found = entries_.find(key);
     return found == entries_.end() ? nullptr : &found->second.value;
+  }
+  /// Forgets it. Of what is not there: a new Value.
+  Value take(const Key& key) {
+    const auto found = entries_.find(key);
+    if (found == entries_.end()) return Value();
+    Value value = std::move(found->second.value);
+    order_.erase(found->second.place);
+    entries_.erase(found);
+    return value;
+  }
+  void clear() {
+    entries_.clear();
+    order_.clear();
   }
 
  private:

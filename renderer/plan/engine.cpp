@@ -588,7 +588,15 @@ Result<RenderResult> Engine::run(const PreparedRender& prepared, const RenderCon
 
 Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const RenderControl& control) {
   const v1::RenderRequest& request = prepared.request;
-  const auto start = Clock::now();
+  const RunSoFar was = control.soFar ? *control.soFar : RunSoFar{};
+  const auto begunRun = Clock::now(), start = begunRun - std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double, std::milli>(was.ms));
+  struct Spent {
+    RunSoFar* soFar;
+    Clock::time_point begun;
+    ~Spent() {
+      if (soFar) soFar->ms += msSince(begun);
+    }
+  } spent{control.soFar, begunRun};
   ScenePtr scene = control.scene;
   if (!scene) { GOBO_ASSIGN(scene, scenes.find(request.scene(), control.stop, control.access)); }
   // Before: what it will pin is in the ledger already, where somebody counts it. After: what it left behind.
@@ -648,6 +656,7 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
   // worth a block of them.
   const bool certain = open && resolved.has_certificate();
   uint32_t spp = (ladder || halt.has_time_s()) && !certain ? 1 : open || watched ? std::min(most, kBlockSamples) : most;
+  spp = std::max(spp, std::min(was.spp, most));
   RenderControl how = control;
   v1::RenderRequest uncertain = resolved;  // a certificate of what is only looked at would cost more than it
   uncertain.clear_certificate();
@@ -660,6 +669,7 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
     Result<RenderResult> made = once(!open && spp < most ? uncertain : resolved, spp, how);
     if (!made.ok() && before && how.stop.reason() == StopReason::TimeUp) return finished(*before);  // what it was at is dropped
     GOBO_TRY(made.status());
+    if (control.soFar) control.soFar->spp = spp;
     RenderResult& picture = *made;
     picture.reply.set_standard_error(noise.after(picture.images, samplesOf(passesFor(spp))));
     const double elapsed = msSince(start);
@@ -669,7 +679,7 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
     // How long samples take is known where some were traced: those that were there already came at once.
     const RungTimes times{picture.reply.rays() > 0 ? msSince(begun) / double(spp - had) : 0.0, had == 0, timeLeft};
     const uint32_t next = nextRung(spp, most, times);
-    if (halt.has_time_s() && had == 0 && timeLeft == 0.0 && extendable)
+    if (halt.has_time_s() && had == 0 && was.spp == 0 && timeLeft == 0.0 && extendable)
       picture.reply.add_warnings("request.halt.time_s = " + std::to_string(halt.time_s()) + ": " +
                                  (spp * slices == 1 ? "one sample" : std::to_string(spp * slices) + " samples") + " a pixel took " +
                                  std::to_string(elapsed * 1e-3) + " s");

@@ -89,6 +89,12 @@ struct RenderResult {
   std::shared_ptr<const ColorProcessor> view;  ///< what reply.resolved.encoding names, for PNG and JPEG of radiance; null: its curve and transfer function
 };
 
+/// What earlier runs of a request that was preempted have spent and finished: request.halt.time_s is of all of them.
+struct RunSoFar {
+  double ms = 0;
+  uint32_t spp = 0;  ///< of the last picture that was finished, which the store has
+};
+
 struct RenderControl {
   StopToken stop;
   std::function<void(const v1::Progress&)> progress;  ///< may be empty
@@ -100,6 +106,7 @@ struct RenderControl {
   RenderCheckpoints* checkpoints = nullptr;           ///< states to go on from and to be kept; may be null
   std::string owner;                                  ///< of the reply's render id: see relightRequest
   SceneAccess access;                                 ///< of whoever asks, to request.scene
+  RunSoFar* soFar = nullptr;                          ///< read, and added to; null: there was no run before
 };
 
 /// Where a request's environment map comes from. Neither: request.environment.path.

@@ -20,32 +20,37 @@ constexpr double kWorthPersisting = 4.0 / 1e5;
 
 void ExtensionIndex::add(const Hash128& recipe, uint32_t blocks) {
   std::lock_guard lock(mutex_);
-  if (counts_.size() > 4096) counts_.clear();  // hints only; bounded
-  counts_[recipe].insert(blocks);
+  std::set<uint32_t>& counts = counts_.touch(recipe);
+  counts.insert(blocks);
+  if (counts.size() > kCounts) counts.erase(counts.begin());
 }
 
 std::vector<uint32_t> ExtensionIndex::below(const Hash128& recipe, uint32_t blocks) const {
   std::lock_guard lock(mutex_);
   std::vector<uint32_t> out;
-  const auto it = counts_.find(recipe);
-  if (it == counts_.end()) return out;
-  for (auto c = it->second.rbegin(); c != it->second.rend(); ++c)
+  const std::set<uint32_t>* counts = counts_.find(recipe);
+  if (!counts) return out;
+  for (auto c = counts->rbegin(); c != counts->rend(); ++c)
     if (*c < blocks) out.push_back(*c);
   return out;
 }
 
-void ExtensionIndex::park(const Hash128& recipe, TermPtr state) {
+void ExtensionIndex::park(const Hash128& recipe, uint32_t blocks, TermPtr state) {
   std::lock_guard lock(mutex_);
-  if (parked_.size() >= 16) parked_.erase(parked_.begin());
-  parked_[recipe] = std::move(state);
+  std::map<uint32_t, TermPtr>& states = parked_.touch(recipe);
+  states[blocks] = std::move(state);
+  if (states.size() > kParkedOfRecipe) states.erase(states.begin());
 }
 
-TermPtr ExtensionIndex::takeParked(const Hash128& recipe) {
+TermPtr ExtensionIndex::takeParked(const Hash128& recipe, uint32_t blocks) {
   std::lock_guard lock(mutex_);
-  const auto it = parked_.find(recipe);
-  if (it == parked_.end()) return nullptr;
-  TermPtr state = it->second;
-  parked_.erase(it);
+  std::map<uint32_t, TermPtr> states = parked_.take(recipe);
+  TermPtr state;
+  if (const auto beyond = states.upper_bound(blocks); beyond != states.begin()) {
+    state = std::move(std::prev(beyond)->second);
+    states.erase(std::prev(beyond));
+  }
+  if (!states.empty()) parked_.touch(recipe) = std::move(states);
   return state;
 }
 
@@ -236,7 +241,7 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
     ctx.wanted = [this] { return wanted(); };
     if (services_.checkpoints) ctx.previous = services_.checkpoints->load(recipe, n.blocks);
     if (ctx.previous && !n.shape.holds(*ctx.previous).ok()) ctx.previous = nullptr;  // comes from a file
-    if (!ctx.previous) taken = ctx.previous = services_.extensions->takeParked(recipe);
+    if (!ctx.previous) taken = ctx.previous = services_.extensions->takeParked(recipe, n.blocks);
     if (ctx.previous) reason = "resumed";
     if (!ctx.previous) {
       for (uint32_t blocks : services_.extensions->below(recipe, n.blocks)) {
@@ -277,7 +282,7 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
   if (!result.ok() && !parked && ctx.leavesState()) parked = taken;  // preempted before the node came to it
   if (parked && !result.ok()) {
     if (services_.checkpoints) services_.checkpoints->save(recipe, n.blocks, parked);
-    if (!services_.checkpoints || (wanted())) services_.extensions->park(recipe, parked);
+    if (!services_.checkpoints || (wanted())) services_.extensions->park(recipe, n.blocks, parked);
   }
   if (!result.ok()) return result.status().at("node " + n.label);
   const TermPtr term = *result;

@@ -30,5 +30,21 @@ TEST(LatestMap, FindingTouchesNothing) {
   EXPECT_EQ(*map.find(2), 20);
 }
 
+TEST(LatestMap, WhatWasTakenIsForgotten) {
+  LatestMap<int, int> map(2);
+  map.touch(1) = 10;
+  map.touch(2) = 20;
+  EXPECT_EQ(map.take(1), 10);
+  EXPECT_EQ(map.take(1), 0);
+  EXPECT_EQ(map.find(1), nullptr);
+  map.touch(3) = 30;  // there is room again
+  EXPECT_TRUE(map.find(2));
+  map.clear();
+  EXPECT_FALSE(map.find(2) || map.find(3));
+  map.touch(4) = 40;
+  map.touch(5) = 50;
+  EXPECT_TRUE(map.find(4));
+}
+
 }  // namespace
 }  // namespace gobo::testing

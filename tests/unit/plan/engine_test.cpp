@@ -324,6 +324,26 @@ TEST(Engine, TimeThatIsUpDropsWhatIsNotDone) {
   EXPECT_EQ(firstDifference(some, mustRender(*cold, some.reply.resolved())), "");
 }
 
+// The time that a request gives is not given anew to each run of it, and what an earlier one finished is where the next begins.
+TEST(Engine, TimeIsOfAllRunsOfAPreemptedRender) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 32, 24, 16);
+  mustRender(*engine, r);
+  r.mutable_halt()->clear_spp();
+  r.mutable_halt()->set_time_s(20);
+  RunSoFar soFar{1e6, 16};
+  RenderControl control;
+  control.soFar = &soFar;
+  const auto result = engine->render(r, control);
+  ASSERT_TRUE(result.ok()) << result.status().toString();
+  EXPECT_EQ(result->reply.resolved().halt().spp(), 16u);
+  EXPECT_EQ(result->reply.rays(), 0u);
+  for (const std::string& warning : result->reply.warnings()) EXPECT_EQ(warning.find("time_s"), std::string::npos) << warning;
+  EXPECT_GT(soFar.ms, 1e6);
+  EXPECT_LT(soFar.ms, 1e6 + 15e3);
+  EXPECT_EQ(soFar.spp, 16u);
+}
+
 TEST(Engine, PreemptedWorkGoesOnWhereItStopped) {
   const auto engine = makeEngine(), cold = makeEngine();
   v1::RenderRequest r = smallRequest("lights8", 96, 64, asLong(256));
