@@ -11,6 +11,8 @@
 #include <mutex>
 #include <vector>
 
+#include "base/utf8.h"
+
 namespace gobo {
 inline namespace server {
 namespace {
@@ -132,7 +134,7 @@ std::string jsonString(const std::string& text) {
 std::string escaped(const std::string& text) {
   std::string out;
   out.reserve(text.size());
-  for (const unsigned char c : text) {
+  for (const unsigned char c : cleanUtf8(text)) {
     if (c >= 0x20 && c != 0x7f) {
       out += char(c);
     } else {

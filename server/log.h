@@ -38,7 +38,7 @@ void logWarn(const char* format, ...) __attribute__((format(printf, 1, 2)));
 void logError(const char* format, ...) __attribute__((format(printf, 1, 2)));
 /// printf into a string.
 std::string strf(const char* format, ...) __attribute__((format(printf, 1, 2)));
-/// Control characters as \xNN, so that the text stays on its line.
+/// Control characters as \xNN, so that the text stays on its line, and what is no UTF-8, so that it can be sent: what was cut may end within a character.
 std::string escaped(const std::string& text);
 /// A JSON string with its quotes; bytes that are no UTF-8 become U+FFFD.
 std::string jsonString(const std::string& text);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "plan/outputs.h"
 #include "server/blobs_service.h"
 #include "server/limits.h"
 #include "server/queue_news.h"
@@ -109,13 +110,16 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   options.access = rpc.access();
   options.deadline = deadline.at;
   options.events = report != nullptr;
-  // The picture as floats and as it is sent, chunks on their way included.
   options.environmentFile = environment->path;
-  options.replyBytes = 32ull * resolved->width() * resolved->height() * uint64_t(std::max(1, resolved->outputs_size())) + 2 * core_.live()->chunkBytes;
   const v1::Encoding::Format format = resolved->encoding().format();
   const uint64_t size =
       resolved->has_window() ? uint64_t(resolved->window().width()) * resolved->window().height() : uint64_t(resolved->width()) * resolved->height();
   const uint64_t pixels = size * uint64_t(std::max(1, resolved->outputs_size()));
+  // The picture as floats and as it is sent, chunks on their way included. Of mattes, three times as many channels as of others.
+  uint64_t pictures = uint64_t(std::max(1, resolved->outputs_size()));
+  for (const std::string& output : resolved->outputs())
+    if (const OutputInfo* info = findOutput(output); info && info->kind == OutputKind::Matte) pictures += 2;
+  options.replyBytes = 32 * size * pictures + 2 * core_.live()->chunkBytes;
   options.encodeMs = core_.encodePace.expectedMs(format, pixels);
   const auto render = std::make_unique<RenderCall>(core_, call.stop, request, options);
   Clock::time_point lastProgress = begun - kProgressGap;

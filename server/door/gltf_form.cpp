@@ -11,6 +11,7 @@ inline namespace door {
 
 namespace {
 constexpr size_t kFormBuffer = 64 << 10;  // of the reader, which is told pieces of at most that
+constexpr size_t kShownBytes = 1000;      // of names in an error, about: an empty field may come a million times
 constexpr const char* kSceneField = "scene";
 constexpr const char* kBoundary = "boundary=";
 
@@ -48,7 +49,7 @@ Status GltfForm::takePiece(const std::string& name, const char* data, uint64_t o
   const std::string shown = escaped(name.substr(0, 80));
   if (offset == 0 && !begun_.insert(name).second) {
     if (!empty_.count(name)) return invalidArgument(shown + ": is in the form twice", shown);
-    again_ += (again_.empty() ? "" : " or ") + shown;
+    if (again_.size() < kShownBytes) again_ += (again_.empty() ? "" : " or ") + shown;
   }
   if (bytes == 0 && offset == 0) empty_.insert(name);
   if (bytes > 0) empty_.erase(name);
@@ -90,6 +91,12 @@ void GltfForm::dropScene() {
 
 void GltfForm::add(const char* data, size_t bytes) {
   if (!wrong_.ok() || !reader_) return;
+  arrived_ += bytes;
+  if (arrived_ > announced_) {  // whose length nobody said
+    wrong_ = Status(Code::ResourceExhausted, "the body has more than the " + std::to_string(announced_) + " bytes that it may have", "body");
+    scene_ = {};
+    return;
+  }
   count(data, bytes);
   if (MHD_post_process(reader_, data, bytes) != MHD_YES && wrong_.ok()) wrong_ = invalidArgument("the body is not a multipart form", "body");
   if (!wrong_.ok()) scene_ = {};

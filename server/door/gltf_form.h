@@ -48,6 +48,7 @@ class GltfForm {
 
   MHD_PostProcessor* reader_ = nullptr;
   const uint64_t mostBytes_, announced_;
+  uint64_t arrived_ = 0;
   std::unique_ptr<SharedLimit::Hold> held_;
   std::map<std::string, std::string> fields_;
   std::string scene_, digest_;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "base/utf8.h"
 #include "scene/blob.h"
 #include "server/farm/messages.h"
 #include "server/farm/numeric_class.h"
@@ -231,8 +232,8 @@ grpc::Status FarmService::Fail(grpc::ServerContext* context, const v1::FailureRe
     const Lease lease = fromMessage(report->lease());
     const int code = report->error().code();
     if (code < 1 || code > 16) return toGrpc(invalidArgument(strf("= %d: must be a gRPC status code, 1 to 16", code), "error.code"));
-    const Status status = store().fail(
-        lease, {Status(Code(code), report->error().message().substr(0, 4096), report->location().substr(0, 1024)), report->retry(), report->whole_job()});
+    const Status status = store().fail(lease, {cleanUtf8(Status(Code(code), report->error().message().substr(0, 4096), report->location().substr(0, 1024))),
+                                               report->retry(), report->whole_job()});
     if (!status.ok()) return toGrpc(status);
     const auto record = store().get(lease.task.job, false);
     if (!report->retry() || !record.ok() || jobIsOver(record->job.state())) files().removeCheckpoints(lease.task);

@@ -2,6 +2,7 @@
 #include "server/farm/remote_tasks.h"
 
 #include <algorithm>
+#include <chrono>
 
 #include "server/farm/messages.h"
 #include "server/farm/received_file.h"
@@ -28,7 +29,7 @@ Result<JobRecord> RemoteTasks::get(int64_t id, bool) {
   return at->second;
 }
 
-Result<std::optional<Lease>> RemoteTasks::claim(const std::string& holder, double) {
+Result<std::optional<Lease>> RemoteTasks::claim(const std::string& holder, double leaseSeconds) {
   v1::ClaimRequest request;
   request.set_worker(link_.id());
   if (request.worker().empty()) return std::optional<Lease>();  // whoever attends says why not
@@ -52,11 +53,19 @@ Result<std::optional<Lease>> RemoteTasks::claim(const std::string& holder, doubl
     record.environmentDigest = reply.environment_sha256();
     record.parts = partsOf(record.job.spec());
   }
+  // Files of a large frame may take longer than the lease lasts.
+  auto renewed = std::chrono::steady_clock::now();
+  const auto keep = [&] {
+    const auto now = std::chrono::steady_clock::now();
+    if (now - renewed < std::chrono::duration<double>(leaseSeconds / 3)) return;
+    renewed = now;
+    (void)hold(lease, true);
+  };
   for (const v1::FrameFile& part : reply.parts()) {
     if (!isDigest(part.sha256(), kSha256Digits)) continue;
     v1::GetFarmFileRequest wanted;
     wanted.set_part(part.sha256());
-    const Status status = fetch(lease.task.job, wanted, files_.resultPath(lease.task.job, part.sha256()));
+    const Status status = fetch(lease.task.job, wanted, files_.resultPath(lease.task.job, part.sha256()), keep);
     if (!status.ok()) logWarn("farm: part %s cannot be fetched: %s", part.sha256().c_str(), status.toString().c_str());
     // What the coordinator does not have is missed when the frame is put together, and rendered again; all else passes.
     if (!status.ok() && status.code() != Code::NotFound && status.code() != Code::DataLoss) {
@@ -71,12 +80,14 @@ Result<std::optional<Lease>> RemoteTasks::claim(const std::string& holder, doubl
     wanted.set_checkpoint(info.digest());
     const std::string path = files_.checkpointPath(lease.task, info.digest());
     // One that does not come counts as not there: the frame starts anew.
-    if (const Status status = fetch(lease.task.job, wanted, path); !status.ok())
+    if (const Status status = fetch(lease.task.job, wanted, path, keep); !status.ok())
       logWarn("farm: checkpoint %s cannot be fetched: %s", info.digest().c_str(), status.toString().c_str());
     claimed.checkpoints.push_back(fromMessage(info));
   }
   const std::lock_guard lock(mutex_);
-  claimed_[lease.task] = claimed;
+  const auto at = claimed_.find(lease.task);
+  if (at == claimed_.end() || at->second.lease.token != lease.token) return std::optional<Lease>();  // it ended meanwhile
+  at->second = claimed;
   return std::optional<Lease>(lease);
 }
 
@@ -144,7 +155,7 @@ Status RemoteTasks::put(const Lease& lease, bool checkpoint, const std::string& 
   return fromGrpc(writer->Finish());  // also where it took no more: it says why
 }
 
-Status RemoteTasks::fetch(int64_t job, v1::GetFarmFileRequest request, const std::string& path) {
+Status RemoteTasks::fetch(int64_t job, v1::GetFarmFileRequest request, const std::string& path, const std::function<void()>& meanwhile) {
   {
     const std::lock_guard lock(mutex_);
     // The last: an earlier one may be over without anybody here knowing.
@@ -160,7 +171,10 @@ Status RemoteTasks::fetch(int64_t job, v1::GetFarmFileRequest request, const std
   JobFiles::Incoming file;
   Status status = file.begin(files_, path);
   v1::FarmChunk chunk;
-  while (status.ok() && reader->Read(&chunk)) status = file.add(chunk.data().data(), chunk.data().size());
+  while (status.ok() && reader->Read(&chunk)) {
+    status = file.add(chunk.data().data(), chunk.data().size());
+    if (meanwhile) meanwhile();
+  }
   if (!status.ok()) context.TryCancel();
   const Status end = fromGrpc(reader->Finish());
   if (!status.ok()) return status;
@@ -169,7 +183,7 @@ Status RemoteTasks::fetch(int64_t job, v1::GetFarmFileRequest request, const std
 }
 
 Result<std::vector<CheckpointRow>> RemoteTasks::checkpoint(const Lease& lease, const CheckpointRow& row, double progress, uint32_t spp) {
-  GOBO_TRY(put(lease, true, row.digest, files_.checkpointPath(lease.task, row.digest)));
+  GOBO_TRY(ended(lease, put(lease, true, row.digest, files_.checkpointPath(lease.task, row.digest)), false));
   v1::CheckpointReport report;
   *report.mutable_lease() = toMessage(lease);
   *report.mutable_checkpoint() = toMessage(row);
@@ -178,7 +192,7 @@ Result<std::vector<CheckpointRow>> RemoteTasks::checkpoint(const Lease& lease, c
   grpc::ClientContext context;
   link_.prepare(context, kCallSeconds);
   v1::CheckpointReply reply;
-  GOBO_TRY(fromGrpc(link_.stub->Checkpoint(&context, report, &reply)));
+  GOBO_TRY(ended(lease, fromGrpc(link_.stub->Checkpoint(&context, report, &reply)), false));
   std::vector<CheckpointRow> old;
   for (const std::string& digest : reply.replaced())
     if (isDigest(digest, kXxh128Digits)) old.push_back({"", digest, 0, 0});

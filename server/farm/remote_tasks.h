@@ -3,6 +3,7 @@
 // file, which the worker has written under its own folder, is put; a claimed frame's checkpoints are fetched before its claim returns. Thread-safe.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <mutex>
 
@@ -46,8 +47,8 @@ class RemoteTasks final : public TaskStore {
   /// Tells the coordinator how far frames are, where that has changed.
   void tellProgress();
 
-  /// Fetches what `request` names (its lease is filled in: one of the job's) into the file.
-  Status fetch(int64_t job, v1::GetFarmFileRequest request, const std::string& path);
+  /// Fetches what `request` names (its lease is filled in: one of the job's) into the file. `meanwhile`: called after every piece of it.
+  Status fetch(int64_t job, v1::GetFarmFileRequest request, const std::string& path, const std::function<void()>& meanwhile = {});
 
  private:
   struct Claimed {

@@ -17,6 +17,7 @@ TaskCheckpoints::TaskCheckpoints(TaskStore& store, JobFiles& files, const Lease&
 TermPtr TaskCheckpoints::load(const Hash128& recipe, uint32_t blocks) {
   const std::lock_guard lock(mutex_);
   active_ = Clock::now();
+  kept_ = false;
   if (const auto it = states_.find(recipe); it != states_.end()) return it->second.blocks <= blocks ? it->second.term : nullptr;
   const auto row = rows_.find(recipe.hex());
   if (row == rows_.end() || row->second.blocks > blocks) return nullptr;
@@ -38,9 +39,19 @@ TermPtr TaskCheckpoints::load(const Hash128& recipe, uint32_t blocks) {
 void TaskCheckpoints::save(const Hash128& recipe, uint32_t blocks, TermPtr state) {
   const std::lock_guard lock(mutex_);
   active_.reset();
+  // A run that begins with few samples is past the state of one that got further: that one waits until as many are asked for again.
+  const auto had = states_.find(recipe);
+  const auto row = rows_.find(recipe.hex());
+  if (had != states_.end() ? had->second.blocks > blocks : row != rows_.end() && row->second.blocks > blocks) return;
+  kept_ = true;
   State& s = states_[recipe];
   const bool same = s.term == state && s.blocks == blocks;
   s = {blocks, std::move(state), same && s.written};
+}
+
+bool TaskCheckpoints::kept() const {
+  const std::lock_guard lock(mutex_);
+  return kept_;
 }
 
 std::optional<TaskCheckpoints::Clock::time_point> TaskCheckpoints::activeSince() const {

@@ -27,6 +27,8 @@ class TaskCheckpoints final : public RenderCheckpoints {
 
   /// An extendable node has run since then; nothing when none does. Reset before each start of the render.
   std::optional<Clock::time_point> activeSince() const;
+  /// Whether the node that ran last has left what it had; of one that has not the next run begins anew.
+  bool kept() const;
   void begin();
   bool pending() const;
   /// Mean samples per pixel of the state that has most.
@@ -51,6 +53,7 @@ class TaskCheckpoints final : public RenderCheckpoints {
   std::map<std::string, CheckpointRow> rows_;
   std::map<Hash128, State> states_;
   std::optional<Clock::time_point> active_;
+  bool kept_ = true;
   std::atomic<uint64_t> resumed_{0}, written_{0};
 };
 

@@ -47,8 +47,9 @@ void TaskRun::steer(const Result<v1::Job::State>& state) {
 }
 
 void TaskRun::renewIfDue() {
-  if (Clock::now() < nextRenew_) return;
-  const auto state = w_.store_.renew(lease_, w_.options_.leaseSeconds);
+  if (Clock::now() < nextRenew_ || end() == End::Lost) return;
+  Lease lease = lease_;
+  const auto state = w_.store_.renew(lease, w_.options_.leaseSeconds);
   if (!state.ok() && state.status().code() != Code::FailedPrecondition)
     logWarn("jobs: cannot renew the lease of %s frame %lld: %s", jobIdText(lease_.task.job).c_str(), (long long)lease_.frame,
             state.status().toString().c_str());
@@ -83,11 +84,10 @@ bool TaskRun::tick() {
     control_ = control;
     steer(w_.store_.check(lease_));
   }
-  renewIfDue();
   flush();
   if (const auto active = checkpoints_->activeSince(); active && end() == End::None && !checkpoints_->pending() && inSlot_.load()) {
     // Counted from the start of the node: each run of it gets on by at least one gap, or it would never end.
-    if (since(std::max(*active, lastCheckpoint_)) >= gap_) {
+    if (since(std::max(*active, lastCheckpoint_)) >= gap_.load()) {
       lastCheckpoint_ = Clock::now();
       const std::lock_guard lock(mutex_);
       if (inner_) inner_->stop(StopReason::Preempted);
@@ -134,7 +134,8 @@ Status TaskRun::work(StopToken slot, const PreparedRender& prepared) {
     }
     if (rendered.status().code() != Code::Aborted || slot.stopRequested()) return rendered.status();
     if (end() != End::None) return {Code::Cancelled, "the frame was given back"};
-    // Stopped for a checkpoint: its state is kept, go on from it.
+    // Stopped for a checkpoint: go on from its state. A node that has left none begins anew, and is to come further before it is stopped again.
+    if (!checkpoints_->kept()) gap_.store(2 * gap_.load());
   }
 }
 
@@ -236,7 +237,8 @@ Status TaskRun::report(const char* what, const std::function<Status()>& attempt)
     logWarn("jobs: %s of %s frame %lld, attempt %d: %s", what, jobIdText(lease_.task.job).c_str(), (long long)lease_.frame, n, status.toString().c_str());
     if (w_.stopping_.load() && n >= 5) return status;  // the next daemon goes on from the last checkpoint
     for (const auto until = in(wait); Clock::now() < until && !(w_.stopping_.load() && n >= 5);) {
-      renewIfDue();
+      // It ended while nobody listened, perhaps by this very report: what it says of is another's now, and its files here are gone.
+      if (end() == End::Lost) return {Code::FailedPrecondition, "its lease is over"};
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
     wait = std::min(5.0, wait * 2);
@@ -267,6 +269,7 @@ void TaskRun::run() {
   control_ = w_.hub_.control();
   gap_ = w_.options_.checkpointSeconds;
   nextRenew_ = in(w_.options_.leaseSeconds / 3);
+  keeper_.start(std::chrono::milliseconds(std::max(int64_t(w_.options_.leaseSeconds * 1e3 / 15), int64_t(1))), [this] { renewIfDue(); });
   progress_ = storedProgress_ = lease_.progress;
   w_.hub_.setLive(lease_.task, {lease_.frame, storedProgress_, storedProgress_, 0});
   std::vector<EncodedImage> images;

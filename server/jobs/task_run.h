@@ -5,6 +5,7 @@
 #include "server/encode.h"
 #include "server/jobs/job_worker.h"
 #include "server/jobs/task_checkpoints.h"
+#include "server/repeating.h"
 
 namespace gobo {
 inline namespace jobs {
@@ -22,8 +23,8 @@ class TaskRun {
   Status joinFrame(const std::vector<v1::FrameFile>& parts);  // of a frame whose parts are done
   Status inSlot(uint64_t bytes, const std::function<Status(StopToken)>& body);
   Status work(StopToken slot, const PreparedRender& prepared);
-  bool tick();  // true: take the frame out of the scheduler
-  void renewIfDue();
+  bool tick();        // true: take the frame out of the scheduler
+  void renewIfDue();  // on the keeper's thread, whatever the frame is at: loading its scene, rendering, encoding, sending files
   void steer(const Result<v1::Job::State>& state);
   void ask(End end);
   End end() const { return end_.load(); }
@@ -48,11 +49,13 @@ class TaskRun {
   std::atomic<uint32_t> spp_{0};
   uint64_t control_ = 0;
   double storedProgress_ = 0, shown_ = -1;
-  Clock::time_point nextRenew_, lastCheckpoint_ = Clock::now(), begun_ = Clock::now();
+  Clock::time_point lastCheckpoint_ = Clock::now(), begun_ = Clock::now();
   bool sceneFault_ = false;
-  double gap_ = 0;                  // seconds between checkpoints
+  std::atomic<double> gap_{0};      // seconds between checkpoints
   Clock::time_point flushAfter_{};  // a failed write is tried again then
   double ranSeconds_ = 0;
+  Clock::time_point nextRenew_;  // the keeper's
+  Repeating keeper_;             // the last member: it ends first
 };
 
 }  // namespace jobs

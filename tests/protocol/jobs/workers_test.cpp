@@ -670,6 +670,25 @@ TEST_F(FarmCalls, AFailureIsCountedAndSaid) {
   EXPECT_EQ(list().at(0).failed(), 1u);
 }
 
+// A reason is cut where it is long, and may be within a character: a text that is no UTF-8 would make every list with the job unreadable.
+TEST_F(FarmCalls, ALongReasonCanBeRead) {
+  v1::JobSpec s = spec(4, 1);
+  s.set_max_attempts(1);
+  const v1::Job job = submit(s);
+  Played played(*farm);
+  v1::FailureReport failed;
+  *failed.mutable_lease() = claim(played.id).lease();
+  failed.mutable_error()->set_code(13);
+  for (int i = 0; i < 3000; ++i) failed.mutable_error()->mutable_message()->append(i ? "\u00e9" : "x");
+  failed.set_location("scene ");
+  for (int i = 0; i < 600; ++i) failed.mutable_location()->append(i ? "\u00e9" : "x");
+  v1::FarmAck ack;
+  ASSERT_TRUE(call(&v1::Farm::Stub::Fail, failed, &ack).ok());
+  const v1::Job now = get(job.id());
+  EXPECT_EQ(now.state(), v1::Job::FAILED);
+  EXPECT_NE(now.error().message().find("x\u00e9\u00e9"), std::string::npos) << "the reply could be parsed";
+}
+
 // Every call wants the right: a client's token has it not, a worker's has.
 TEST_F(FarmCalls, NeedsTheRightOfWorkers) {
   const auto with = [&](const std::string& token, auto&& call) {

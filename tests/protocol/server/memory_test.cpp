@@ -96,5 +96,21 @@ TEST_F(Memory, EverythingTogetherHasALimit) {
   EXPECT_EQ(holders.size(), 8u);
 }
 
+// A window costs a reply of its own size, whatever it is a window of: beside others that are being sent there is room for it.
+TEST_F(Memory, AWindowIsCountedAsItself) {
+  const auto others = server->core().replies.take("others", config.replyBytes / 2);
+  ASSERT_TRUE(others);
+  v1::RenderRequest r = small(1);
+  r.set_width(8192);
+  r.set_height(8192);
+  EXPECT_EQ(renderOnce(r).status.error_code(), grpc::RESOURCE_EXHAUSTED) << "the whole picture";
+  r.mutable_window()->set_x(4000);
+  r.mutable_window()->set_y(4000);
+  r.mutable_window()->set_width(16);
+  r.mutable_window()->set_height(16);
+  const Collected c = renderOnce(r);
+  EXPECT_TRUE(c.status.ok()) << c.status.error_message();
+}
+
 }  // namespace
 }  // namespace gobo::memory_test

@@ -267,6 +267,81 @@ TEST_F(Worker, ADamagedCheckpointMeansAnewNotWrong) {
   EXPECT_EQ(result(id), expected(s));
 }
 
+// What cannot be continued is not stopped for checkpoints for ever: each of its runs may be longer.
+TEST_F(Worker, AFrameWithoutCheckpointsComesToItsEnd) {
+  v1::JobSpec s = spec(testing::asLong(512));
+  s.mutable_request()->mutable_denoise()->mutable_outliers()->mutable_trimmed();
+  workerOptions.checkpointSeconds = 0.002;
+  const int64_t id = put(s);
+  start();
+  ASSERT_TRUE(over(id));
+  worker->stop();
+  EXPECT_EQ(result(id), expected(s));
+  EXPECT_EQ(get(id).frames(0).attempts(), 1u);
+}
+
+/// A coordinator that took a report whose answer was lost: the lease is over, and what was here of the frame is gone with it.
+struct Forgets final : TaskStore {
+  TaskStore& store;
+  std::atomic<uint64_t> token{0};  // of the lease that it did this to: the first
+  explicit Forgets(TaskStore& s) : store(s) {}
+  Result<JobRecord> get(int64_t id, bool withFrames) override { return store.get(id, withFrames); }
+  Result<std::optional<Lease>> claim(const std::string& holder, double leaseSeconds) override { return store.claim(holder, leaseSeconds); }
+  Result<v1::Job::State> renew(Lease& lease, double leaseSeconds) override { return store.renew(lease, leaseSeconds); }
+  Result<v1::Job::State> check(const Lease& lease) override { return store.check(lease); }
+  Result<std::vector<CheckpointRow>> checkpoint(const Lease& lease, const CheckpointRow& row, double progress, uint32_t spp) override {
+    return store.checkpoint(lease, row, progress, spp);
+  }
+  Result<std::vector<CheckpointRow>> checkpoints(TaskId task) override { return store.checkpoints(task); }
+  Result<std::vector<v1::FrameFile>> parts(TaskId task) override { return store.parts(task); }
+  Status complete(const Lease& lease, const std::vector<v1::FrameFile>& files, double seconds) override {
+    uint64_t none = 0;
+    const bool first = token.compare_exchange_strong(none, lease.token);
+    if (!first && token == lease.token) return notFound("its files are gone");
+    GOBO_TRY(store.complete(lease, files, seconds));
+    return first ? Status(Code::Unavailable, "the answer was lost") : Status();
+  }
+  Status fail(const Lease& lease, const FailedReport& report) override { return store.fail(lease, report); }
+  Status release(const Lease& lease) override { return store.release(lease); }
+};
+
+TEST_F(Worker, AReportWhoseLeaseIsOverIsGivenUp) {
+  Forgets forgets(*store);
+  workerOptions.leaseSeconds = 0.6;
+  worker = std::make_unique<JobWorker>(*engine, *runner, forgets, files_, *scenes, hub, workerOptions);
+  const int64_t first = put(spec(4)), second = put(spec(4, 1));
+  ASSERT_TRUE(over(first));
+  EXPECT_TRUE(over(second)) << "the worker still waits for the first";
+  worker->stop();
+  EXPECT_EQ(get(first).state(), v1::Job::DONE);
+}
+
+// Renewed by itself, whatever the frame is at: here its files are sent for longer than the lease.
+TEST_F(Worker, ALeaseIsKeptWhileFilesAreWritten) {
+  std::filesystem::create_directory(folder + "/shots");
+  JobOut out;
+  out.open(folder + "/shots");
+  std::atomic<int> slow{1};
+  out.step = [&](const char* step, const std::string&) {
+    if (std::string(step) == "write" && slow.fetch_sub(1) > 0) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+      EXPECT_EQ(*store->expireLeases(), 0u);
+    }
+    return Status();
+  };
+  workerOptions.out = &out;
+  workerOptions.leaseSeconds = 0.6;
+  v1::JobSpec s = spec(4);
+  s.set_out("{frame}.raw");
+  const int64_t id = put(s);
+  start();
+  ASSERT_TRUE(over(id));
+  worker->stop();
+  EXPECT_EQ(worker->stats().lost.load(), 0u);
+  EXPECT_EQ(get(id).frames(0).attempts(), 1u);
+  EXPECT_EQ(result(id), expected(s));
+}
+
 TEST_F(Worker, AReportThatCannotBeWrittenIsRepeatedUntilAcknowledged) {
   std::atomic<int> refusals{3};
   options.step = [&](const char* sql) {

@@ -67,5 +67,34 @@ TEST_F(Checkpoints, StatesThatTradeNamesAndRowsAreNotUsed) {
   EXPECT_EQ(wrong(rows), 0);
 }
 
+// A render that searches for its sample count begins with few: what an earlier one has of many waits until as many are asked for.
+TEST_F(Checkpoints, ARunTowardsFewerReplacesNothingOfOneTowardsMore) {
+  submit(makeJob());
+  const auto lease = claim();
+  ASSERT_TRUE(lease);
+  {
+    TaskCheckpoints writing(*store, files_, *lease, {});
+    EXPECT_FALSE(writing.load(recipe(0), 256));
+    EXPECT_FALSE(writing.kept());
+    writing.save(recipe(0), 256, state(7));
+    EXPECT_TRUE(writing.kept());
+    ASSERT_TRUE(writing.flush(0.5, 4).ok());
+    EXPECT_FALSE(writing.load(recipe(0), 1));
+    writing.save(recipe(0), 1, state(1));
+    EXPECT_FALSE(writing.pending());
+  }
+  TaskCheckpoints after(*store, files_, *lease, *store->checkpoints(lease->task));
+  EXPECT_FALSE(after.load(recipe(0), 1));
+  after.save(recipe(0), 1, state(1));
+  EXPECT_FALSE(after.pending());
+  EXPECT_FALSE(after.kept()) << "the next run towards as many begins anew";
+  const TermPtr found = after.load(recipe(0), 256);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->content(), state(7)->content());
+  after.save(recipe(0), 512, state(9));
+  ASSERT_TRUE(after.flush(0.7, 8).ok());
+  EXPECT_EQ((*store->checkpoints(lease->task)).at(0).blocks, 512u);
+}
+
 }  // namespace
 }  // namespace gobo::task_checkpoints_test

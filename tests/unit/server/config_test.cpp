@@ -185,6 +185,10 @@ TEST_F(ConfigFile, AContainersLimitIsTheMachinesMemory) {
 }
 
 TEST(Log, TextFromClientsStaysOnItsLine) { EXPECT_EQ(escaped("a\nb\x1b[31m"), "a\\x0ab\\x1b[31m"); }
+TEST(Log, TextThatWasCutIsStillText) {
+  EXPECT_EQ(escaped("\u00e9t\u00e9"), "\u00e9t\u00e9");
+  EXPECT_EQ(escaped(std::string("\u00e9t\u00e9").substr(0, 4)), "\u00e9t\\xc3");
+}
 
 }  // namespace
 }  // namespace gobo::config_test
