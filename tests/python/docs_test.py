@@ -45,7 +45,7 @@ class Pages(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
         build = pathlib.Path(CLI).parent.parent
-        for name, target in [("build", build)] + [(n, pathlib.Path(SOURCE) / n) for n in ("configs", "clients", "docs", "proto", "deploy")]:
+        for name, target in [("build", build)] + [(n, pathlib.Path(SOURCE) / n) for n in ("configs", "clients", "docs", "proto", "deploy", "examples")]:
             (self.folder / name).symlink_to(target)
         original = gltf(folder.name)
         text = pathlib.Path(original).read_text(encoding="utf-8").replace('"lamp"', '"key"')
@@ -111,6 +111,12 @@ class Pages(unittest.TestCase):
         self.assertEqual(self.run_page("docs/drake.md"), 2)
         for name, magic in (("color.png", b"\x89PNG"), ("depth.tiff", b"II*\0"), ("label.png", b"\x89PNG")):
             self.assertTrue((self.folder / name).read_bytes().startswith(magic), name)
+
+    def test_color_page(self):
+        self.assertEqual(self.run_page("docs/color.md"), 1)
+        soft, warm = ((self.folder / name).read_bytes() for name in ("soft.png", "warm.png"))
+        self.assertTrue(soft.startswith(b"\x89PNG") and warm.startswith(b"\x89PNG"))
+        self.assertFalse((self.folder / "x.png").exists(), "a view that the config does not have")
 
     def test_cryptomatte_page(self):
         self.assertEqual(self.run_page("docs/cryptomatte.md"), 2)
