@@ -101,11 +101,11 @@ TEST_F(Memory, AWindowIsCountedAsItself) {
   const auto others = server->core().replies.take("others", config.replyBytes / 2);
   ASSERT_TRUE(others);
   v1::RenderRequest r = small(1);
-  r.set_width(8192);
-  r.set_height(8192);
+  r.set_width(1200);
+  r.set_height(1000);
   EXPECT_EQ(renderOnce(r).status.error_code(), grpc::RESOURCE_EXHAUSTED) << "the whole picture";
-  r.mutable_window()->set_x(4000);
-  r.mutable_window()->set_y(4000);
+  r.mutable_window()->set_x(600);
+  r.mutable_window()->set_y(400);
   r.mutable_window()->set_width(16);
   r.mutable_window()->set_height(16);
   const Collected c = renderOnce(r);
