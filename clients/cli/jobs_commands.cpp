@@ -2,6 +2,7 @@
 // `gobo jobs ...`: durable renders. A stream that breaks (the daemon restarts) is opened again.
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <ctime>
@@ -227,14 +228,12 @@ bool have(const std::string& folder, const v1::FrameFile& file) {
   return bytes.ok() && sha256Hex(bytes->data(), bytes->size()) == file.sha256();
 }
 
-// Of its request, or of a file: those of layered jobs are called otherwise.
+// As its files are called: "layers" where all are in one.
 bool hasOutput(const v1::Job& job, const std::string& output) {
-  for (const std::string& own : job.spec().request().outputs())
-    if (own == output) return true;
-  for (const v1::Frame& f : job.frames())
-    for (const v1::FrameFile& file : f.files())
-      if (file.output() == output) return true;
-  return false;
+  const v1::RenderRequest& r = job.spec().request();
+  const bool exr = r.encoding().format() == v1::Encoding::FORMAT_UNSPECIFIED || r.encoding().format() == v1::Encoding::EXR;
+  if (exr && r.encoding().layers()) return output == "layers";
+  return std::find(r.outputs().begin(), r.outputs().end(), output) != r.outputs().end();
 }
 
 Result<int> fetch(Session& session, const JobFetchCommand& c) {

@@ -11,6 +11,7 @@
 
 #include "base/descriptor.h"
 #include "server/jobs/jobs_service.h"
+#include "server/jobs/out_pattern.h"
 #include "server/log.h"
 #include "server/rpc.h"
 
@@ -151,8 +152,10 @@ grpc::Status JobsService::fetch(Rpc& rpc, const v1::FetchRequest& sent, grpc::Se
   for (const int64_t frame : wanted)
     if (!known.count(frame)) return toGrpc(invalidArgument(strf("frames: the job has no frame %lld", (long long)frame), "frames"));
   for (const std::string& output : outputs) {
-    const auto& all = record->job.spec().request().outputs();
-    if (std::find(all.begin(), all.end(), output) == all.end()) return toGrpc(invalidArgument("outputs: the job has no output '" + output + "'", "outputs"));
+    const std::vector<std::string> all = outputsInFiles(record->job.spec());
+    const std::string where = all == std::vector<std::string>{"layers"} ? ": its files are 'layers'" : "";
+    if (std::find(all.begin(), all.end(), output) == all.end())
+      return toGrpc(invalidArgument("outputs: the job has no output '" + output + "'" + where, "outputs"));
   }
   if (record->job.results_expired())
     return toGrpc({Code::NotFound, "the results of " + request->id() + " were removed by the daemon's limits (jobs.keep_bytes, jobs.keep_days)", "id"});

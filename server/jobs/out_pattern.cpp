@@ -97,16 +97,16 @@ Status checkPathParts(const std::string& pattern, const std::string& path) {
   return {};
 }
 
+OutFile outFileOf(const v1::JobSpec& spec, const std::string& job) { return {plainName(spec), job, {}, extensionOf(spec.request().encoding().format()), 0}; }
+
+}  // namespace
+
 std::vector<std::string> outputsInFiles(const v1::JobSpec& spec) {
   const v1::RenderRequest& r = spec.request();
   const bool exr = r.encoding().format() == v1::Encoding::FORMAT_UNSPECIFIED || r.encoding().format() == v1::Encoding::EXR;
   if (exr && r.encoding().layers()) return {"layers"};
   return {r.outputs().begin(), r.outputs().end()};
 }
-
-OutFile outFileOf(const v1::JobSpec& spec, const std::string& job) { return {plainName(spec), job, {}, extensionOf(spec.request().encoding().format()), 0}; }
-
-}  // namespace
 
 Status checkOutPattern(const std::string& pattern) {
   if (pattern.empty()) return {};

@@ -21,6 +21,8 @@ inline namespace jobs {
 
 constexpr size_t kOutPatternBytes = 1000, kOutPathBytes = 1024, kOutPartBytes = 255;
 
+/// What FrameFile.output says of a frame's files: the request's outputs, or "layers" alone. `resolved` as below.
+std::vector<std::string> outputsInFiles(const v1::JobSpec& resolved);
 /// Its form: relative, no empty part, no "." or "..", no control characters, known variables, no extension of another kind of file's. An empty one is fine.
 Status checkOutPattern(const std::string& pattern);
 /// What it comes to for this job: no two files have one path, and none is too long. `resolved`: outputs and encoding filled in. Cost: a path a file.

@@ -351,8 +351,9 @@ class Jobs:
         if missing:
             raise errors.InvalidArgument(f"frames = {missing[0]}: job {id} does not have this frame", field="frames")
         named = None if outputs is None else set(outputs)
-        # A layered job's files are called otherwise than its request's outputs.
-        absent = sorted((named or set()) - set(job.spec.request.outputs) - {x.output for f in job.frames for x in f.files})
+        request = job.spec.request
+        is_exr = request.encoding.format in (render_pb2.Encoding.FORMAT_UNSPECIFIED, render_pb2.Encoding.EXR)
+        absent = sorted((named or set()) - ({"layers"} if is_exr and request.encoding.layers else set(request.outputs)))
         if absent:
             raise errors.InvalidArgument(f"outputs = {absent[0]!r}: job {id} has no output of that name", field="outputs")
         return [(f.frame, x) for f in job.frames for x in f.files
