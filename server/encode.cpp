@@ -275,6 +275,7 @@ Result<std::vector<EncodedImage>> encodeLayers(RenderResult& result) {
   exr.metadata["gobo:layers"] = jsonObject(named);
   if (layers.empty()) return std::vector<EncodedImage>{};
   const int width = result.images[0].width(), height = result.images[0].height();
+  if (showsMap(result.images[0].output)) exr.place = {};
   std::vector<EncodedImage> encoded(1);
   GOBO_ASSIGN(encoded[0].bytes, encodeExr(width, height, layers, exr));
   describe(encoded[0], "layers", width, height, channels, v1::Encoding::EXR, result.reply);
@@ -282,6 +283,8 @@ Result<std::vector<EncodedImage>> encodeLayers(RenderResult& result) {
 }
 
 }  // namespace
+
+bool showsMap(const std::string& output) { return output.starts_with("shadow_basis:"); }
 
 Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
   const v1::RenderRequest& request = result.reply.resolved();
@@ -308,7 +311,9 @@ Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
       case v1::Encoding::EXR: {
         exr.metadata["gobo:output"] = rendered.output;
         const ExrLayer layer = layerOf(rendered, result);
-        made = encodeExr(rendered.width(), rendered.height(), std::span(&layer, 1), exr);
+        ExrOptions own = exr;
+        if (showsMap(rendered.output)) own.place = {};
+        made = encodeExr(rendered.width(), rendered.height(), std::span(&layer, 1), own);
         break;
       }
       case v1::Encoding::PNG:

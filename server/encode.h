@@ -86,6 +86,8 @@ ExrCompression exrCompressionOf(v1::Encoding::Compression compression);
 /// bytes: nothing that a clock or a cache says is in them. Errors: Internal when the encoder fails; InvalidArgument naming encoding.format for an unknown
 /// format.
 Result<std::vector<EncodedImage>> encodeImages(RenderResult& result);
+/// Of an output: it shows a light's map, not the view, and has its size; no window is a part of it.
+bool showsMap(const std::string& output);
 
 }  // namespace server
 }  // namespace gobo

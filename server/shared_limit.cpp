@@ -23,8 +23,8 @@ SharedLimit::Hold::~Hold() {
   const std::lock_guard lock(limit_.mutex_);
   limit_.used_ -= amount_;
   const auto mine = limit_.clients_.find(client_);
-  mine->second -= amount_;
-  if (mine->second == 0) limit_.clients_.erase(mine);
+  // Not there: this one is of nothing, and another that was has gone.
+  if (mine != limit_.clients_.end() && (mine->second -= amount_) == 0) limit_.clients_.erase(mine);
 }
 
 void SharedLimit::setLimit(uint64_t limit) {

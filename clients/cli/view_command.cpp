@@ -12,6 +12,18 @@ namespace gobo::cli {
 
 namespace {
 
+/// As URLSearchParams of the page reads it.
+std::string inFragment(const std::string& text) {
+  std::string out;
+  for (const unsigned char c : text) {
+    char escape[4];
+    std::snprintf(escape, sizeof escape, "%%%02X", unsigned(c));
+    const bool plain = (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '-' || c == '_' || c == '.' || c == '~';
+    out += plain ? std::string(1, char(c)) : std::string(escape);
+  }
+  return out;
+}
+
 bool answers(Session& session) {
   Session::Call call(session);
   call.context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(2));
@@ -55,7 +67,7 @@ int runView(const SessionOptions& options, const ViewCommand& command) {
   auto started = Door::start(std::move(door));
   if (!started.ok()) return complain(started.status());
   std::string fragment = "token=" + *secret;
-  if (!id.empty()) fragment += "&scene=" + id;
+  if (!id.empty()) fragment += "&scene=" + inFragment(id);
   std::printf("http://%s/#%s\n", (*started)->address().c_str(), fragment.c_str());
   std::fflush(stdout);
   std::fprintf(stderr, "%s; Ctrl-C ends it\n", session.local() ? "rendering in this process (no daemon is running)" : "rendering in the daemon");

@@ -26,10 +26,13 @@ export class Lamp {
     for (const input of [this.color, this.power]) input.addEventListener('input', tell);
   }
   show(name, gain) {
+    const own = this.name === name && gain ? toGain({ color: this.color.value, stops: Number(this.power.value) }) : null;
     this.root.hidden = name === null;
     this.name = name;
     if (name === null) return;
     this.root.querySelector('.name').textContent = name;
+    // What the inputs say already stays as it was put: the same light in other words would move them under the hand.
+    if (own && ['x', 'y', 'z'].every((a) => own[a] === (gain[a] ?? 0))) return;
     const { color, stops } = fromGain(gain);
     this.color.value = color;
     this.power.value = stops;

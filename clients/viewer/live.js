@@ -24,6 +24,9 @@ export class Live {
     else if (this.running.shown) this.running.stop.abort();
   }
 
+  // Whether what comes next is linear: of it a curve is drawn here, of a JPEG the server has drawn it.
+  get linear() { return (this.next?.encoding.format ?? this.running?.format ?? 'RAW_HALF') === 'RAW_HALF'; }
+
   // Pictures as JPEG from now on, as a slow connection gets them.
   avoidHalf() { this.slowUntil = performance.now() + kAgainMs; }
 
@@ -34,7 +37,7 @@ export class Live {
 
   async run() {
     while (this.next) {
-      const request = this.next, own = { stop: new AbortController(), shown: false };
+      const request = this.next, own = { stop: new AbortController(), shown: false, format: request.encoding.format };
       this.next = null;
       this.running = own;
       this.on.start();

@@ -162,7 +162,7 @@ async function changed(path) {
   if (path[0] === 'lights') lights.refresh();
   if (path[0] === 'time_s' || path[0] === 'animation') grip.hold();  // it may be elsewhere now
   // Exposure and curve of a picture that is here in linear light.
-  if (path[0] === 'tone_map' && view.present?.picture.data && !edits.curves && !edits.expressions) return draw();
+  if (path[0] === 'tone_map' && view.present?.picture.data && live.linear && !edits.curves && !edits.expressions) return draw();
   try {
     if (kCameraFields.has(path[0])) await findCamera();
     ask();
@@ -210,10 +210,14 @@ function build() {
 }
 
 // `first`: edits to begin with.
+let choice = 0;
 async function choose(id, first = {}) {
+  const own = ++choice;
   try {
-    scene = loaded.has(id) ? await getJson('/v1/scenes/' + encodeURIComponent(id)) : await postJson('/v1/scenes', { source: id });
-    loaded.add(scene.id);
+    const found = loaded.has(id) ? await getJson('/v1/scenes/' + encodeURIComponent(id)) : await postJson('/v1/scenes', { source: id });
+    loaded.add(found.id);
+    if (own !== choice) return;  // another one was chosen while this one was loaded
+    scene = found;
     for (const key of Object.keys(edits)) delete edits[key];
     Object.assign(edits, first);
     cleaning?.abort();
@@ -224,10 +228,9 @@ async function choose(id, first = {}) {
     keptChanged();
     showSize();
     build();
-    const own = scene;
     await findCamera();
-    if (scene === own) ask();
-  } catch (error) { fail(error); }
+    if (own === choice) ask();
+  } catch (error) { if (own === choice) fail(error); }
 }
 
 // What the address asks for: #scene=NAME&request={...}&frames=half.
@@ -325,11 +328,14 @@ function toggled(button, work) {
     button.textContent = text;
   });
 }
-toggled($('reference'), (signal) => reference(requestNow(), Math.max(1, Math.round(Number($('reference-spp').value)) || 256), signal, async (reply, bytes) => {
-  if (reply.images[0].output !== 'beauty') return;
-  view.hold(await pictureOf(reply, bytes), `reference, path traced, ${reply.resolved.halt.spp} samples`);
-  keptChanged();
-}));
+toggled($('reference'), (signal) => {
+  const own = choice;
+  return reference(requestNow(), Math.max(1, Math.round(Number($('reference-spp').value)) || 256), signal, async (reply, bytes) => {
+    if (own !== choice || reply.images[0].output !== 'beauty') return;
+    view.hold(await pictureOf(reply, bytes), `reference, path traced, ${reply.resolved.halt.spp} samples`);
+    keptChanged();
+  });
+});
 toggled($('certify'), async (signal) => {
   $('certified').textContent = 'Measuring how wrong the picture is';
   const request = requestNow(), own = JSON.stringify(request);

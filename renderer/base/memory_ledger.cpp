@@ -37,7 +37,10 @@ uint64_t MemoryLedger::held() const {
 
 Status MemoryLedger::makeRoom(uint64_t more, const std::string& what) {
   if (total_ == UINT64_MAX) return {};
-  const auto over = [&] { return plus(held(), more) > total_ ? plus(held(), more) - total_ : 0; };
+  const auto over = [&]() -> uint64_t {
+    const uint64_t sum = plus(held(), more);  // once: others give back meanwhile
+    return sum > total_ ? sum - total_ : 0;
+  };
   if (over() == 0) return {};
   const std::lock_guard one(shrinking_);
   const auto all = holders();

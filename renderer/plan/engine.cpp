@@ -722,6 +722,11 @@ Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relig
     drop(*base.mutable_curves(), path);
     drop(*base.mutable_expressions(), path);
   }
+  // A shutter over which nothing could move has one slice: what may move from now on has as many as a request that says nothing of them.
+  const auto moves = [](const std::string& path) { return path.starts_with("curves") || path.starts_with("expressions"); };
+  if (base.camera().shutter_slices() == 1 && base.curves().empty() && base.expressions().empty() &&
+      std::any_of(relight.mask().begin(), relight.mask().end(), moves))
+    base.mutable_camera()->clear_shutter_slices();
   GOBO_TRY(applyMask(base, relight.patch(), {relight.mask().begin(), relight.mask().end()}));
   replaceView(base, relight.mask());
   return base;

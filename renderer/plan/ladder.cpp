@@ -62,6 +62,10 @@ std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved, ui
     }
     if (k.has_center_x()) k.set_center_x(k.center_x() * x);
     if (k.has_center_y()) k.set_center_y(k.center_y() * y);
+    for (const char* px : {"camera.focal_x", "camera.focal_y", "camera.center_x", "camera.center_y"}) {  // those of the opening, which are scaled
+      rung.mutable_curves()->erase(px);
+      rung.mutable_expressions()->erase(px);
+    }
   }
   return rung;
 }
@@ -69,13 +73,16 @@ std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved, ui
 std::optional<v1::RenderRequest> plainRung(const v1::RenderRequest& rung) {
   for (const std::string& output : rung.outputs())
     if (const OutputInfo* info = findOutput(output); !info || !needsRadiance(*info)) return std::nullopt;
+  const auto ofVisibility = [](const v1::PictureFilter& f) { return filteredTerm(f).starts_with("visibility:"); };
+  if (std::any_of(rung.filters().begin(), rung.filters().end(), ofVisibility))
+    for (const std::string& output : rung.outputs())
+      if (output.starts_with("filtered:")) return std::nullopt;  // its number would be another filter's
   v1::RenderRequest plain = rung;
   plain.mutable_shadows()->mutable_path_traced();
   for (auto& [name, light] : *plain.mutable_lights()) light.clear_shadow();
   // Light is filtered as it will be; what is path traced has no visibility.
   auto& filters = *plain.mutable_filters();
-  filters.erase(std::remove_if(filters.begin(), filters.end(), [](const v1::PictureFilter& f) { return filteredTerm(f).starts_with("visibility:"); }),
-                filters.end());
+  filters.erase(std::remove_if(filters.begin(), filters.end(), ofVisibility), filters.end());
   if (plain.has_environment()) {
     plain.mutable_environment()->clear_transfer();
     plain.mutable_environment()->clear_extract_lights();
@@ -83,6 +90,17 @@ std::optional<v1::RenderRequest> plainRung(const v1::RenderRequest& rung) {
     plain.mutable_environment()->clear_area_lights_if_worth();
     plain.mutable_environment()->clear_subtractive();
   }
+  // What moves during a shutter may be in what has gone, or stand at another place now: it stays as it is at the opening.
+  const auto stay = [](auto& varying) {
+    for (auto v = varying.begin(); v != varying.end();) {
+      const std::string& path = v->first;
+      const bool gone = path.starts_with("shadows.") || path.starts_with("environment.") || path.starts_with("filters[") ||
+                        (path.starts_with("lights.") && path.find(".shadow.") != std::string::npos);
+      v = gone ? varying.erase(v) : std::next(v);
+    }
+  };
+  stay(*plain.mutable_curves());
+  stay(*plain.mutable_expressions());
   if (google::protobuf::util::MessageDifferencer::Equals(plain, rung)) return std::nullopt;
   return plain;
 }

@@ -224,8 +224,8 @@ uint64_t SceneLibrary::sceneBytesHeld() const {
   return total;
 }
 
-void SceneLibrary::noteGone(const std::string& id, const char* why) {
-  gone_.push_back({id, why});
+void SceneLibrary::noteGone(const std::string& id, const Entry& entry, const char* why) {
+  gone_.push_back({id, why, entry.owner, {entry.share.begin(), entry.share.end()}});
   if (gone_.size() > 1000) gone_.pop_front();
 }
 
@@ -240,7 +240,7 @@ bool SceneLibrary::evict(const std::string& keep, const char* why, Freed& freed)
     if (victim == scenes_.end() || order(at) < order(victim)) victim = at;
   }
   if (victim == scenes_.end()) return false;
-  noteGone(victim->first, why);
+  noteGone(victim->first, victim->second, why);
   freed.push_back(std::move(victim->second.scene));
   freed.push_back(std::move(victim->second.holds));
   scenes_.erase(victim);
@@ -332,7 +332,7 @@ Status SceneLibrary::unknown(const std::string& id, const SceneAccess& access) c
   std::string names;
   for (const std::string& name : known) names += (names.empty() ? "" : ", ") + name;
   const std::string meant = didYouMean(id, {known.begin(), known.end()});
-  const auto went = std::find_if(gone_.rbegin(), gone_.rend(), [&](const Gone& g) { return g.id == id; });
+  const auto went = std::find_if(gone_.rbegin(), gone_.rend(), [&](const Gone& g) { return g.id == id && access.uses(g.owner, g.share); });
   return notFound("no scene '" + id + "'" + (went != gone_.rend() ? ", which was unloaded " + went->why + ": open it again" : meant) + " (has: " + names + ")",
                   "request.scene");
 }
@@ -432,7 +432,7 @@ void SceneLibrary::dropBroken(std::vector<std::shared_ptr<const MappedFile>> bro
         ++at;
         continue;
       }
-      noteGone(at->first, "because its mapped file was cut short or cannot be read");
+      noteGone(at->first, at->second, "because its mapped file was cut short or cannot be read");
       at = scenes_.erase(at);
     }
     std::erase_if(environments_, [&](const auto& e) { return isBroken(e.second.map->file); });

@@ -111,9 +111,10 @@ class SceneLibrary {
   MemoryLedger* ledger_ = nullptr;
   Entries scenes_;
   struct Gone {
-    std::string id, why;
+    std::string id, why, owner;
+    std::vector<std::string> share;  // to whom else it was there
   };
-  void noteGone(const std::string& id, const char* why);  ///< under mutex_
+  void noteGone(const std::string& id, const Entry& entry, const char* why);  ///< under mutex_
   std::deque<Gone> gone_;                                 ///< ids that were unloaded without being asked to, the latest last
   uint64_t clock_ = 0;
   std::map<std::string, Map> environments_;  ///< by canonical path + settled file stamp, or "sha256:" + digest

@@ -93,6 +93,9 @@ Result<v1::RenderRequest> sliceRequest(const v1::RenderRequest& resolved, uint32
     GOBO_TRY(applyCurves(r));
     GOBO_TRY(applyExpressions(r));
     GOBO_TRY(resolveDefaults(r));  // of messages that one of them made
+    // The mean of the slices is filtered, once: by what the filters are at the opening.
+    for (int f = 0; f < r.filters_size(); ++f)
+      if (r.filters(f).term().empty() || r.filters(f).term() == "beauty") *r.mutable_filters(f) = resolved.filters(f);
   }
   r.mutable_camera()->clear_shutter_s();
   r.mutable_camera()->clear_shutter_slices();

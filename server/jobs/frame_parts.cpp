@@ -11,6 +11,7 @@
 #include "plan/picture_warnings.h"
 #include "plan/window.h"
 #include "request/request.h"
+#include "server/encode.h"
 #include "server/log.h"
 
 namespace gobo {
@@ -110,7 +111,7 @@ Result<std::string> writePart(const RenderResult& result, const TaskPlace& place
 Status FrameJoin::begin(const v1::RenderedPart& part) {
   for (const v1::RenderedPart::Picture& from : part.pictures()) {
     // One of a size of its own (a shadow map) is whole in every part.
-    const bool cut = from.width() == part.window().width() && from.height() == part.window().height();
+    const bool cut = !showsMap(from.output()) && from.width() == part.window().width() && from.height() == part.window().height();
     const Extent extent{int(cut ? whole_.width() : from.width()), int(cut ? whole_.height() : from.height())};
     if (from.channels() < 1 || from.channels() > 4096 || extent.width < 1 || extent.height < 1) return damaged("no picture");
     Picture& p = pictures_.emplace_back();
@@ -143,7 +144,7 @@ Status FrameJoin::take(const v1::RenderedPart::Picture& from, const v1::Window& 
   to.dropped.elements += from.dropped_pixels();
   const std::span<float> pixels = to.term->writable<float>(kJoinedPlane);
   const Extent& extent = to.term->extent();
-  const bool cut = from.width() == window.width() && from.height() == window.height() && extent == Extent{int(whole_.width()), int(whole_.height())};
+  const bool cut = !showsMap(from.output()) && from.width() == window.width() && from.height() == window.height() && extent == Extent{int(whole_.width()), int(whole_.height())};
   if (!cut && extent != Extent{int(from.width()), int(from.height())}) return damaged("picture " + to.output + " is of another size");
   const size_t x = cut ? window.x() : 0, y = cut ? window.y() : 0, row = size_t(from.width()) * channels;
   for (size_t r = 0; r < from.height(); ++r)

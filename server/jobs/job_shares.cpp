@@ -27,16 +27,16 @@ void JobShares::order(std::vector<std::string>& clients) const {
   std::sort(clients.begin(), clients.end(), [&](const std::string& a, const std::string& b) { return key(a) < key(b); });
 }
 
-void JobShares::started(const std::string& client, TaskId task, double now) {
+void JobShares::started(const std::string& client, const Lease& lease, double now) {
   Client& c = clients_[client];
   c.served = ++served_;
   c.virtualTime += kGuess;
-  running_[task] = {client, now};
+  running_[lease.task] = {client, now, lease.token};
 }
 
-void JobShares::ended(TaskId task, double now) {
-  const auto at = running_.find(task);
-  if (at == running_.end()) return;
+void JobShares::ended(const Lease& lease, double now) {
+  const auto at = running_.find(lease.task);
+  if (at == running_.end() || at->second.token != lease.token) return;
   if (const auto c = clients_.find(at->second.client); c != clients_.end()) c->second.virtualTime += std::max(0.0, now - at->second.since) - kGuess;
   running_.erase(at);
 }

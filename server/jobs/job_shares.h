@@ -20,9 +20,9 @@ class JobShares {
   void retain(const std::vector<std::string>& active);
   /// The client that is to be served first, first; equal ones by when they were served last, then by name.
   void order(std::vector<std::string>& clients) const;
-  void started(const std::string& client, TaskId task, double now);
-  /// Whatever its end was. Unknown tasks are another process's, or ended before.
-  void ended(TaskId task, double now);
+  void started(const std::string& client, const Lease& lease, double now);
+  /// Whatever its end was. Unknown leases are another process's, or ended before.
+  void ended(const Lease& lease, double now);
 
  private:
   static constexpr double kGuess = 1;  // seconds that a frame counts with while it runs
@@ -33,6 +33,7 @@ class JobShares {
   struct Running {
     std::string client;
     double since = 0;
+    uint64_t token = 0;  // of the lease
   };
   std::map<std::string, Client> clients_;
   std::map<TaskId, Running> running_;

@@ -87,7 +87,7 @@ Result<std::optional<Lease>> SqlJobStore::claim(const std::string& holder, doubl
             "UPDATE job SET state = 2, started = CASE WHEN started = 0 THEN ?2 ELSE started END, revision = ?3 WHERE id = ?1 AND (state <> 2 OR started = 0)");
     return q.bind(lease->task.job).bind(now()).bind(revision).run();
   }));
-  if (lease) shares_.started(client, {lease->task.job, lease->task.index}, shareClock());
+  if (lease) shares_.started(client, *lease, shareClock());
   return lease;
 }
 
@@ -159,7 +159,7 @@ Result<std::vector<CheckpointRow>> SqlJobStore::checkpoint(const Lease& lease, c
 
 Status SqlJobStore::complete(const Lease& lease, const std::vector<v1::FrameFile>& files, double seconds) {
   const std::lock_guard lock(mutex_);
-  shares_.ended(lease.task, shareClock());
+  shares_.ended(lease, shareClock());
   return transact([&]() -> Status {
     GOBO_TRY(lockJob(lease.task.job, Hold::Whole));
     GOBO_ASSIGN(const TaskRow row, task(lease.task));
@@ -212,7 +212,7 @@ Status SqlJobStore::complete(const Lease& lease, const std::vector<v1::FrameFile
 
 Status SqlJobStore::fail(const Lease& lease, const FailedReport& report) {
   const std::lock_guard lock(mutex_);
-  shares_.ended(lease.task, shareClock());
+  shares_.ended(lease, shareClock());
   return transact([&]() -> Status {
     GOBO_TRY(lockJob(lease.task.job, Hold::Whole));
     GOBO_ASSIGN(const TaskRow row, task(lease.task));
@@ -306,7 +306,7 @@ Status SqlJobStore::endJob(int64_t job, v1::Job::State state, const Status& reas
 
 Status SqlJobStore::release(const Lease& lease) {
   const std::lock_guard lock(mutex_);
-  shares_.ended(lease.task, shareClock());
+  shares_.ended(lease, shareClock());
   return transact([&]() -> Status {
     GOBO_TRY(lockJob(lease.task.job, Hold::Whole));
     GOBO_TRY(held(lease).status());
@@ -363,8 +363,12 @@ Result<uint64_t> SqlJobStore::endLeases(double before, double deadlines, bool re
         if (remoteToo || q.text(1).rfind(kRemoteHolder, 0) != 0) over.push_back(q.integer(0));
       GOBO_TRY(q.status());
     }
-    for (int64_t index : over) GOBO_TRY(endLease({job, index}, true, revision));
-    count += over.size();
+    for (int64_t index : over) {
+      GOBO_ASSIGN(const TaskRow row, task({job, index}));
+      if (row.state != v1::Frame::RUNNING) continue;  // a part of a frame that failed with the part before
+      GOBO_TRY(endLease({job, index}, true, revision));
+      ++count;
+    }
     bool late = false;
     {
       Query q(db(), "SELECT 1 FROM job WHERE id = ?1 AND state IN (1, 2, 3) AND deadline <= ?2");

@@ -300,6 +300,7 @@ void TaskRun::finish(const Status& status) {
       if (!job.ok() || jobIsOver(job->job.state())) checkpoints_->drop();  // cancelled: nobody goes on from them
     }
     logInfo("job %s given up: its lease is over", name.c_str());
+    (void)w_.store_.release(lease_);  // refused; but the time that it took is its client's, who may have cancelled it
     return;
   }
   Status told;

@@ -199,10 +199,15 @@ class Client:
 
     def _relight(self, render_id: Union[str, Result], fields: Any, timeout: Optional[float], cancel: Optional[Cancellation]) -> render_pb2.RelightRequest:
         request = render_pb2.RelightRequest(render_id=render_id.render_id if isinstance(render_id, Result) else render_id)
-        fields.setdefault("format", "raw_float")
         with scope(current(cancel)):
             fields = self._environments.put_arrays(fields, timeout)
-        request.mask.extend(fill(request.patch, fields).mask(whole_of(fields)))
+        builder = fill(request.patch, fields)
+        mask = builder.mask(whole_of(fields))
+        if not request.patch.encoding.format:
+            request.patch.encoding.format = render_pb2.Encoding.RAW_FLOAT
+            if not {"encoding", "encoding.format"} & set(mask):
+                mask.append("encoding.format")
+        request.mask.extend(mask)
         return request
 
     def _snapshots(self, request: render_pb2.RenderRequest, timeout: Optional[float], on_progress: Optional[ProgressCallback],

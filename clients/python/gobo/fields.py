@@ -184,7 +184,9 @@ class Builder:
         if isinstance(value, str):
             value = value.split(",")
         elif hasattr(value, "tolist"):
-            value = value.T.ravel().tolist() if getattr(value, "ndim", 1) == 2 else value.tolist()   # a 4x4 matrix: column-major
+            if getattr(value, "ndim", 1) == 2:   # a 4x4 matrix is column-major; of others a row is what belongs together: a curve's vector
+                value = (value.T if field.name == "matrix" else value).ravel()
+            value = value.tolist()
         message.ClearField(field.name)
         target = getattr(message, field.name)
         try:

@@ -356,6 +356,8 @@ class Jobs:
         absent = sorted((named or set()) - ({"layers"} if is_exr and request.encoding.layers else set(request.outputs)))
         if absent:
             raise errors.InvalidArgument(f"outputs = {absent[0]!r}: job {id} has no output of that name", field="outputs")
+        if job.results_expired:
+            raise errors.NotFound(f"the results of {id} were removed by the daemon's limits (jobs.keep_bytes, jobs.keep_days)")
         return [(f.frame, x) for f in job.frames for x in f.files
                 if (wanted is None or f.frame in wanted) and (named is None or x.output in named)]
 

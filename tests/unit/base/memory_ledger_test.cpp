@@ -50,6 +50,19 @@ TEST(MemoryLedger, ThoseThatCameFirstGiveFirstAndNoMoreThanIsNeeded) {
   EXPECT_EQ(ledger.held(), 100u);
 }
 
+// Who gives back while sums are made leaves no sum below the total from which the total is taken.
+TEST(MemoryLedger, WhatIsGivenBackMeanwhileEmptiesNobody) {
+  for (int until = 1; until < 8; ++until) {
+    MemoryLedger ledger(100);
+    int asked = 0;
+    uint64_t least = UINT64_MAX;
+    const auto held = ledger.add({"cache", [] { return UINT64_MAX; }, [&] { return uint64_t(++asked <= until ? 110 : 90); },
+                                  [&](uint64_t most) { least = std::min(least, most); }});
+    EXPECT_TRUE(ledger.makeRoom(0, "nothing").ok()) << until;
+    EXPECT_GE(least, 80u) << until;
+  }
+}
+
 TEST(MemoryLedger, WhatDoesNotFitIsRefusedAndSaysWhatHolds) {
   MemoryLedger ledger(100);
   Cache a(ledger, "cache", 30), fixed(ledger, "renders", 50, false);

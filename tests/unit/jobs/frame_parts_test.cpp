@@ -388,6 +388,27 @@ TEST_P(PartsStore, LostWorkersOfAPartSetItsFrameAside) {
   EXPECT_EQ(*store->integrity(), "ok");
 }
 
+// A daemon that dies with several parts of a frame: the frame is set aside once, and the job goes on with the others.
+TEST_P(PartsStore, PartsThatAreLostTogetherSetTheirFrameAsideOnce) {
+  options.maxLosses = 3;
+  open();
+  const int64_t id = submit(split(2, 2));
+  for (int i = 0; i < 3; ++i) {
+    const auto a = claim(), b = claim();
+    ASSERT_TRUE(a && b);
+    EXPECT_EQ(a->frame, b->frame);
+    EXPECT_EQ(*store->endAllLeases(), i < 2 ? 2u : 1u);
+  }
+  const v1::Job job = get(id);
+  EXPECT_EQ(job.frames_failed(), 1u);
+  EXPECT_FALSE(jobIsOver(job.state()));
+  EXPECT_EQ(job.frames(0).state(), v1::Frame::FAILED);
+  EXPECT_EQ(*store->integrity(), "ok");
+  const auto next = claim();
+  ASSERT_TRUE(next);
+  EXPECT_EQ(next->frame, job.frames(1).frame());
+}
+
 TEST_P(PartsStore, WaitingPartsCountAgainstTheBoundOnFrames) {
   options.maxActiveTasks = 8;
   open();

@@ -45,6 +45,20 @@ TEST_P(JobSharesTest, NobodyPassesAnotherByCallingEverythingUrgent) {
   EXPECT_NEAR(modest, 10, 1);
 }
 
+// Nothing is saved by cancelling: what a frame took until then is its client's.
+TEST_P(JobSharesTest, CancelledFramesCountWithTheirTime) {
+  const int64_t cancelled = add("first", 1);
+  add("first", 100);
+  add("second", 100);
+  auto lease = store->claim("w", 1000);
+  ASSERT_TRUE(lease.ok() && *lease);
+  ASSERT_EQ((*lease)->task.job, cancelled);
+  time += 100;
+  ASSERT_TRUE(store->cancel(cancelled).ok());
+  EXPECT_FALSE(store->release(**lease).ok());  // as a worker does that notices
+  for (int i = 0; i < 9; ++i) EXPECT_EQ(next(10), "second") << i;
+}
+
 // Seconds count, not frames: cheap frames are given more often.
 TEST_P(JobSharesTest, SecondsAreShared) {
   add("slow", 100);

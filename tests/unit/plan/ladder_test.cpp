@@ -114,6 +114,44 @@ TEST(Ladder, SmallPicturesAreSmallerWhereTheyComeLate) {
   EXPECT_EQ(smallRung(r, kShrinkMore)->height(), 90u);
 }
 
+// The intrinsics of a small picture are its own, whatever moves them while the shutter is open.
+TEST(Ladder, SmallPicturesHaveTheirOwnIntrinsics) {
+  v1::RenderRequest r;
+  r.set_width(400);
+  r.set_height(300);
+  r.mutable_camera()->set_focal_x(300);
+  for (const char* path : {"camera.focal_x", "camera.center_y", "camera.position"}) (*r.mutable_curves())[path].add_value(1);
+  (*r.mutable_expressions())["camera.focal_y"].set_formula("300");
+  const auto small = smallRung(r);
+  ASSERT_TRUE(small);
+  EXPECT_NEAR(small->camera().focal_x(), 300.0 * small->width() / 400, 1e-9);
+  EXPECT_EQ(small->curves().size(), 1u);
+  EXPECT_TRUE(small->curves().contains("camera.position"));
+  EXPECT_TRUE(small->expressions().empty());
+}
+
+TEST(Ladder, WhatIsPathTracedFirstNamesNothingThatHasGone) {
+  v1::RenderRequest r;
+  r.set_width(1280);
+  r.set_height(720);
+  r.add_outputs("beauty");
+  r.mutable_shadows()->mutable_axis_aligned();
+  for (const char* path : {"shadows.axis_aligned.k", "lights.key.shadow.ray_traced.samples", "filters[1].bloom.gain", "camera.position", "lights.key.intensity"})
+    (*r.mutable_curves())[path].add_value(1);
+  (*r.mutable_expressions())["shadows.axis_aligned.k"].set_formula("1");
+  r.add_filters()->set_term("visibility:key");
+  r.mutable_filters(0)->mutable_gaussian();
+  r.add_filters()->mutable_bloom();
+  const auto plain = plainRung(r);
+  ASSERT_TRUE(plain);
+  EXPECT_EQ(plain->filters_size(), 1);
+  EXPECT_EQ(plain->curves().size(), 2u);
+  EXPECT_TRUE(plain->curves().contains("camera.position") && plain->curves().contains("lights.key.intensity"));
+  EXPECT_TRUE(plain->expressions().empty());
+  r.add_outputs("filtered:1");
+  EXPECT_FALSE(plainRung(r)) << "its number would be another filter's";
+}
+
 TEST(Ladder, WhatHasToLookFirstIsPathTraced) {
   v1::RenderRequest r;
   r.set_width(1280);

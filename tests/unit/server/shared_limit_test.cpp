@@ -22,6 +22,18 @@ TEST(SharedLimit, OneClientLeavesRoomForTheNext) {
   EXPECT_EQ(limit.used(), 0u);
 }
 
+TEST(SharedLimit, HoldsOfNothingComeAndGo) {
+  SharedLimit limit(8);
+  auto first = limit.take("a", 0), second = limit.take("a", 0), some = limit.take("a", 2);
+  ASSERT_TRUE(first && second && some);
+  some.reset();
+  first.reset();
+  second.reset();
+  EXPECT_EQ(limit.used(), 0u);
+  EXPECT_TRUE(limit.clients().empty());
+  EXPECT_TRUE(limit.take("a", 1));
+}
+
 TEST(SharedLimit, WhatIsLargerThanTheBoundGoesAlone) {
   SharedLimit limit(100);
   const auto huge = limit.take("a", 1000);
