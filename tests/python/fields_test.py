@@ -92,6 +92,10 @@ class Fields(unittest.TestCase):
         _, builder = build(env={"constant": 1, "rotation_deg": 3}, exposure=1)
         self.assertEqual(sorted(builder.mask(["environment"])), ["environment", "tone_map.exposure"])
 
+    def test_curves_are_rows(self):
+        request = build(curves={"lights.light.gain": {"time_s": [0, 1], "value": np.array([[1, 1, 1], [3, 2, 1]])}})[0]
+        self.assertEqual(list(request.curves["lights.light.gain"].value), [1, 1, 1, 3, 2, 1])
+
     def test_instances_are_column_major(self):
         request = service_pb2.PatchSceneRequest()
         matrix = np.eye(4)

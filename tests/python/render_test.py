@@ -94,6 +94,10 @@ class Render(DaemonTest):
         np.testing.assert_array_equal(r.relight(lights={"light": False}).image, np.zeros_like(r.image))
         cold = self.client.render("cornell", **SMALL, lights={"light": {"gain": 2}})
         np.testing.assert_array_equal(cold.image, double.image)
+        for fields in ({"encoding": {"format": "png"}}, {"encoding__format": "png"}, {"format": "png"}, {"request": {"encoding": {"format": "PNG"}}}):
+            self.assertTrue(r.relight(**fields).encoded["beauty"].startswith(b"\x89PNG"), fields)
+        half = r.relight(encoding={"half": False})   # whatever else is said of it, an array comes
+        np.testing.assert_array_equal(half.image, r.image)
 
     def test_relight_replaces_the_environment_as_a_whole(self):
         r = self.client.render("spheres", **SMALL, env={"constant": 0.5, "gain": 3})
