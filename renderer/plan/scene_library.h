@@ -115,7 +115,7 @@ class SceneLibrary {
     std::vector<std::string> share;  // to whom else it was there
   };
   void noteGone(const std::string& id, const Entry& entry, const char* why);  ///< under mutex_
-  std::deque<Gone> gone_;                                 ///< ids that were unloaded without being asked to, the latest last
+  std::deque<Gone> gone_;                                                     ///< ids that were unloaded without being asked to, the latest last
   uint64_t clock_ = 0;
   std::map<std::string, Map> environments_;  ///< by canonical path + settled file stamp, or "sha256:" + digest
 };

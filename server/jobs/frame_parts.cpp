@@ -144,7 +144,8 @@ Status FrameJoin::take(const v1::RenderedPart::Picture& from, const v1::Window& 
   to.dropped.elements += from.dropped_pixels();
   const std::span<float> pixels = to.term->writable<float>(kJoinedPlane);
   const Extent& extent = to.term->extent();
-  const bool cut = !showsMap(from.output()) && from.width() == window.width() && from.height() == window.height() && extent == Extent{int(whole_.width()), int(whole_.height())};
+  const bool cut = !showsMap(from.output()) && from.width() == window.width() && from.height() == window.height() &&
+                   extent == Extent{int(whole_.width()), int(whole_.height())};
   if (!cut && extent != Extent{int(from.width()), int(from.height())}) return damaged("picture " + to.output + " is of another size");
   const size_t x = cut ? window.x() : 0, y = cut ? window.y() : 0, row = size_t(from.width()) * channels;
   for (size_t r = 0; r < from.height(); ++r)

@@ -413,6 +413,11 @@ class Hands(PageCase):
         gain = self.request()["lights"]["e"]["gain"]
         self.assertEqual((gain["x"], gain["z"]), (1, 0))
         self.assertAlmostEqual(gain["y"], ((128 / 255 + 0.055) / 1.055) ** 2.4, places=4)
+        # A hand that moves through dim colours: each is what it says, however many were before.
+        self.after("(() => { const c = document.querySelector('#lamp input[type=color]'); for (const v of ['#800000', '#7f0000', '#7e0000', '#800000']) "
+                   "{ c.value = v; c.dispatchEvent(new Event('input', {bubbles: true})) } return true })()")
+        gain = self.request()["lights"]["e"]["gain"]
+        self.assertAlmostEqual(gain["x"], ((128 / 255 + 0.055) / 1.055) ** 2.4, places=4)
         for kind in ("POINT", "SPOT", "RECT", "DISK", "SPHERE", "DIRECTIONAL"):
             plain = self.page.run(SUM)
             self.after(f"document.getElementById('new-light').value = '{kind}'; document.getElementById('add-light').click()")

@@ -56,8 +56,8 @@ TEST(MemoryLedger, WhatIsGivenBackMeanwhileEmptiesNobody) {
     MemoryLedger ledger(100);
     int asked = 0;
     uint64_t least = UINT64_MAX;
-    const auto held = ledger.add({"cache", [] { return UINT64_MAX; }, [&] { return uint64_t(++asked <= until ? 110 : 90); },
-                                  [&](uint64_t most) { least = std::min(least, most); }});
+    const auto held = ledger.add(
+        {"cache", [] { return UINT64_MAX; }, [&] { return uint64_t(++asked <= until ? 110 : 90); }, [&](uint64_t most) { least = std::min(least, most); }});
     EXPECT_TRUE(ledger.makeRoom(0, "nothing").ok()) << until;
     EXPECT_GE(least, 80u) << until;
   }

@@ -136,7 +136,8 @@ TEST(Ladder, WhatIsPathTracedFirstNamesNothingThatHasGone) {
   r.set_height(720);
   r.add_outputs("beauty");
   r.mutable_shadows()->mutable_axis_aligned();
-  for (const char* path : {"shadows.axis_aligned.k", "lights.key.shadow.ray_traced.samples", "filters[1].bloom.gain", "camera.position", "lights.key.intensity"})
+  for (const char* path :
+       {"shadows.axis_aligned.k", "lights.key.shadow.ray_traced.samples", "filters[1].bloom.gain", "camera.position", "lights.key.intensity"})
     (*r.mutable_curves())[path].add_value(1);
   (*r.mutable_expressions())["shadows.axis_aligned.k"].set_formula("1");
   r.add_filters()->set_term("visibility:key");
