@@ -204,9 +204,10 @@ Status RemoteTasks::complete(const Lease& lease, const std::vector<v1::FrameFile
   *report.mutable_lease() = toMessage(lease);
   report.set_seconds(seconds);
   for (const v1::FrameFile& f : files) {
-    // Refused as over: perhaps because an earlier report of this completion arrived and only its answer did not. Then it is taken again.
+    // Refused as over, and the file forgotten here for that: perhaps because an earlier report of this completion arrived and only its answer did not.
+    // Then it is taken again.
     const Status sent = put(lease, false, f.sha256(), files_.resultPath(lease.task.job, f.sha256()));
-    if (!sent.ok() && sent.code() != Code::FailedPrecondition) return sent;
+    if (!sent.ok() && sent.code() != Code::FailedPrecondition && sent.code() != Code::NotFound) return sent;
     *report.add_files() = f;
   }
   grpc::ClientContext context;

@@ -231,16 +231,17 @@ Status TaskRun::renderPicture(const v1::RenderRequest& request) {
 Status TaskRun::report(const char* what, const std::function<Status()>& attempt) {
   double wait = 0.05;
   for (int n = 1;; ++n) {
+    // A lease may end while nobody listens, perhaps by this very report, of which only the answer was lost: it is told once more, so that what it leaves
+    // behind is cleared, and then what it says of is another's.
+    const bool over = end() == End::Lost;
     const Status status = attempt();
     if (status.ok() || status.code() == Code::FailedPrecondition || status.code() == Code::DataLoss) return status;
+    if (over) return {Code::FailedPrecondition, "its lease is over"};
     ++w_.stats_.repeatedReports;
     logWarn("jobs: %s of %s frame %lld, attempt %d: %s", what, jobIdText(lease_.task.job).c_str(), (long long)lease_.frame, n, status.toString().c_str());
     if (w_.stopping_.load() && n >= 5) return status;  // the next daemon goes on from the last checkpoint
-    for (const auto until = in(wait); Clock::now() < until && !(w_.stopping_.load() && n >= 5);) {
-      // It ended while nobody listened, perhaps by this very report: what it says of is another's now, and its files here are gone.
-      if (end() == End::Lost) return {Code::FailedPrecondition, "its lease is over"};
+    for (const auto until = in(wait); Clock::now() < until && end() != End::Lost && !(w_.stopping_.load() && n >= 5);)
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    }
     wait = std::min(5.0, wait * 2);
   }
 }

@@ -53,9 +53,14 @@ bool eventually(const std::function<bool()>& what) {
   return false;
 }
 
-bool rendering(const Daemon& daemon, const std::string& id) {
+uint32_t samplesOf(const Daemon& daemon, const std::string& id) {
   const v1::Job job = get(daemon, id);
-  return job.frames_size() == 1 && job.frames(0).state() == v1::Frame::RUNNING && job.frames(0).progress() > 0;
+  return job.frames_size() == 1 ? job.frames(0).spp() : 0;
+}
+/// Not merely claimed, with what its last checkpoint has: samples were added.
+bool rendering(const Daemon& daemon, const std::string& id, uint32_t before) {
+  const v1::Job job = get(daemon, id);
+  return job.frames_size() == 1 && job.frames(0).state() == v1::Frame::RUNNING && job.frames(0).spp() > before;
 }
 
 TEST(Crash, SetsTheFrameAsideAndAKillDoesNot) {
@@ -64,11 +69,12 @@ TEST(Crash, SetsTheFrameAsideAndAKillDoesNot) {
   ASSERT_TRUE(daemon.start());
   const std::string culprit = submit(daemon, spec("culprit", 60000)).id();
   const std::string after = submit(daemon, spec("after", 16)).id();
-  ASSERT_TRUE(eventually([&] { return rendering(daemon, culprit); }));
+  ASSERT_TRUE(eventually([&] { return rendering(daemon, culprit, 0); }));
   const int killed = daemon.kill(SIGKILL);
   ASSERT_TRUE(WIFSIGNALED(killed) && WTERMSIG(killed) == SIGKILL);
   ASSERT_TRUE(daemon.start());
-  ASSERT_TRUE(eventually([&] { return rendering(daemon, culprit); })) << "a kill from outside says nothing of the frame";
+  const uint32_t before = samplesOf(daemon, culprit);
+  ASSERT_TRUE(eventually([&] { return rendering(daemon, culprit, before); })) << "a kill from outside says nothing of the frame";
   const int crashed = daemon.kill(SIGSEGV);
   ASSERT_TRUE(WIFSIGNALED(crashed) && WTERMSIG(crashed) == SIGSEGV);
   ASSERT_TRUE(daemon.start());
