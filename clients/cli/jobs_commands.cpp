@@ -20,6 +20,7 @@
 #include "report.h"
 #include "request/request.h"
 #include "server/encode.h"
+#include "server/jobs/out_pattern.h"
 #include "words.h"
 
 namespace gobo::cli {
@@ -228,14 +229,6 @@ bool have(const std::string& folder, const v1::FrameFile& file) {
   return bytes.ok() && sha256Hex(bytes->data(), bytes->size()) == file.sha256();
 }
 
-// As its files are called: "layers" where all are in one.
-bool hasOutput(const v1::Job& job, const std::string& output) {
-  const v1::RenderRequest& r = job.spec().request();
-  const bool exr = r.encoding().format() == v1::Encoding::FORMAT_UNSPECIFIED || r.encoding().format() == v1::Encoding::EXR;
-  if (exr && r.encoding().layers()) return output == "layers";
-  return std::find(r.outputs().begin(), r.outputs().end(), output) != r.outputs().end();
-}
-
 Result<int> fetch(Session& session, const JobFetchCommand& c) {
   const std::string folder = c.out.empty() ? "." : c.out;
   std::error_code error;
@@ -249,8 +242,9 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
   const std::set<int64_t> selection(named.begin(), named.end());
   for (int broken = 0;; ++broken) {
     GOBO_ASSIGN(const v1::Job job, getJob(session, c.id));
+    const std::vector<std::string> has = outputsInFiles(job.spec());
     for (const std::string& output : wanted.outputs())
-      if (!hasOutput(job, output)) return invalidArgument("--outputs " + output + ": job " + job.id() + " has no output of that name");
+      if (std::find(has.begin(), has.end(), output) == has.end()) return invalidArgument("--outputs " + output + ": job " + job.id() + " has no output of that name");
     if (job.results_expired()) return notFound("the results of " + job.id() + " were removed by the daemon's limits (jobs.keep_bytes, jobs.keep_days)");
     v1::FetchRequest request = wanted;
     bool any = false;

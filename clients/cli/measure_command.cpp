@@ -209,6 +209,7 @@ class Measuring {
   void printFigures() const {
     std::vector<std::vector<std::string>> rows;
     bool noisy = false, reused = false;
+    size_t nonFinite = 0;
     for (size_t s = 0; s < m_.series.size(); ++s)
       for (size_t p = 0; p < m_.series[s].values.size(); ++p) {
         const PointFigures f = pointFigures(m_, s, p);
@@ -216,6 +217,7 @@ class Measuring {
         rows.push_back({escaped(m_.series[s].name), escaped(m_.series[s].path + "=" + m_.series[s].values[p]), strf("%.1f", f.time.median),
                         c_.repeats > 1 ? strf("%.1f-%.1f", f.time.lowerQuartile, f.time.upperQuartile) : "-", std::to_string(f.runs.front()->rays),
                         strf("%.4g", e.rmse), strf("%.4g-%.4g", e.rmseLow, e.rmseHigh), strf("%.4g", e.relMse), strf("%.2g", e.relMseStandardError)});
+        nonFinite = std::max(nonFinite, e.nonFinite);
         noisy |= e.mseStandardError > 0.1 * std::abs(e.mse);
         for (const MeasuredRun* run : f.runs) reused |= run->reusedNodes > 0;
       }
@@ -225,6 +227,7 @@ class Measuring {
       for (const MeasuredPoint& point : series)
         for (const std::string& text : point.warnings) ++warnings[text];
     for (const auto& [text, points] : warnings) std::printf("warning: %s (%zu points)\n", escaped(text).c_str(), points);
+    if (nonFinite > 0) std::printf("warning: up to %zu pixels of a picture or of the reference are not finite: the figures are of the others\n", nonFinite);
     if (noisy) std::printf("warning: the standard error of some squared errors is above 10 %% of them: raise --reference-spp\n");
     if (reused) std::printf("warning: some runs reused terms of the server's store, their times are not cold: --cold drops the caches before each\n");
   }

@@ -121,6 +121,7 @@ Result<v1::Encoding::Format> formatOf(const std::string& file) {
 Status checkFolder(const std::string& flag, const std::string& file) {
   const fs::path parent = fs::path(file).parent_path();
   std::error_code error;
+  if (fs::is_directory(file, error)) return invalidArgument(flag + " " + file + ": is a folder");
   if (parent.empty() || fs::is_directory(parent, error)) return {};
   const bool there = fs::exists(parent, error);
   return notFound(flag + " " + file + (there ? ": \"" + parent.string() + "\" is no folder" : ": no such folder: \"" + parent.string() + "\""));

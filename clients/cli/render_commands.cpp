@@ -90,10 +90,15 @@ Result<v1::RenderRequest> describedBy(const RequestOptions& o) {
   if (!o.environment.empty()) {
     std::error_code error;
     const bool file = fs::is_regular_file(o.environment, error);
-    request.mutable_environment()->set_path(file ? fs::absolute(o.environment).string() : o.environment);
+    v1::EnvironmentSettings& e = *request.mutable_environment();  // what a request from a file says of it is another kind, perhaps
+    e.clear_digest();
+    e.clear_sky();
+    e.clear_constant();
+    e.set_path(file ? fs::absolute(o.environment).string() : o.environment);
   }
   if (!o.outputs.empty()) GOBO_TRY(setPath(request, "outputs=" + o.outputs));
   if (!o.denoise.empty()) GOBO_TRY(setPath(request, "denoise=" + o.denoise).at("--denoise " + o.denoise));
+  if (o.spp || o.time > 0 || o.error > 0) request.clear_halt();  // of the file's
   if (o.spp) request.mutable_halt()->set_spp(o.spp);
   if (o.time > 0) request.mutable_halt()->set_time_s(o.time);
   if (o.error > 0) request.mutable_halt()->set_error(o.error);

@@ -2,8 +2,11 @@
 #include "tiles.h"
 
 #include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <future>
+#include <iterator>
+#include <map>
 
 #include "base/tiled_exr.h"
 #include "request/request.h"
@@ -32,11 +35,41 @@ std::map<std::string, std::string> metadataOf(const v1::RenderReply& reply) {
   return {{"gobo:request", messageToJson(whole, false)}, {"gobo:request_hash", reply.request_hash()}, {"gobo:plan", ""}};
 }
 
+/// Of all tiles: those that differ in their numbers alone are one.
+class Warnings {
+ public:
+  void add(const v1::RenderReply& tile) {
+    for (const std::string& text : tile.warnings()) {
+      std::string words;
+      std::remove_copy_if(text.begin(), text.end(), std::back_inserter(words), [](unsigned char c) { return std::isdigit(c) != 0; });
+      Said& said = said_.try_emplace(words, Said{text}).first->second;
+      ++said.tiles;
+      said.alike = said.alike && said.first == text;
+    }
+  }
+  void tell(v1::RenderReply& whole, int tiles) const {
+    whole.clear_warnings();
+    for (const auto& [words, said] : said_) {
+      const std::string of = std::to_string(said.tiles) + " of " + std::to_string(tiles) + " tiles";
+      whole.add_warnings(said.first + (said.tiles == tiles && said.alike ? "" : said.alike || said.tiles == 1 ? " (" + of + ")" : " (in the first; in " + of + ")"));
+    }
+  }
+
+ private:
+  struct Said {
+    std::string first;
+    int tiles = 0;
+    bool alike = true;
+  };
+  std::map<std::string, Said> said_;
+};
+
 }  // namespace
 
 Result<Tiled> renderTiles(Session& session, v1::RenderRequest request, uint32_t tile, const std::string& file, const std::function<void(int, int)>& progress) {
   GOBO_TRY(checkTiles(request, tile, file));
   const auto begun = std::chrono::steady_clock::now();
+  const auto milliseconds = [&] { return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begun).count(); };
   const v1::Encoding asked = request.encoding();
   v1::RenderRequest size;
   if (request.has_width()) size.set_width(request.width());
@@ -54,6 +87,8 @@ Result<Tiled> renderTiles(Session& session, v1::RenderRequest request, uint32_t 
   std::string bytes;            // of the tile that is being written while the next is rendered
   std::future<Status> writing;  // after what it reads: waits when the function ends
   uint64_t rays = 0, peak = 0;
+  Warnings warnings;
+  const double deadlineMs = request.scheduling().deadline_ms();
   for (uint32_t y = 0; y < height; y += side)
     for (uint32_t x = 0; x < width; x += side) {
       v1::Window* const w = request.mutable_window();
@@ -61,7 +96,15 @@ Result<Tiled> renderTiles(Session& session, v1::RenderRequest request, uint32_t 
       w->set_y(y);
       w->set_width(std::min(side, width - x));
       w->set_height(std::min(side, height - y));
+      if (deadlineMs > 0) {  // of the whole: each call's counts from when it arrives
+        const double left = deadlineMs - milliseconds();
+        const int done = int((y / side) * ((width + side - 1) / side) + x / side);
+        if (left <= 0)
+          return Status(Code::DeadlineExceeded, "the deadline has passed after " + std::to_string(done) + " of " + std::to_string(all) + " tiles", "--deadline");
+        request.mutable_scheduling()->set_deadline_ms(left);
+      }
       GOBO_ASSIGN(Answer answer, renderOnce(session, request));
+      warnings.add(answer.reply);
       if (answer.images.size() != 1)
         return Status(Code::DataLoss, "the server's answer is damaged: " + std::to_string(answer.images.size()) + " pictures for a tile");
       rays += answer.reply.rays();
@@ -87,7 +130,8 @@ Result<Tiled> renderTiles(Session& session, v1::RenderRequest request, uint32_t 
   v1::RenderReply& reply = made.reply;
   reply.set_rays(rays);
   reply.set_peak_bytes(peak);
-  reply.set_total_ms(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begun).count());
+  reply.set_total_ms(milliseconds());
+  warnings.tell(reply, all);
   v1::ImageDescriptor& image = *reply.mutable_images(0);
   image.set_width(width);
   image.set_height(height);

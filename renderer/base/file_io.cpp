@@ -19,6 +19,9 @@ Code codeOf(int error) {
   switch (error) {
     case ENOENT:
     case ENOTDIR: return Code::NotFound;
+    case EISDIR:
+    case ENAMETOOLONG:
+    case ELOOP: return Code::InvalidArgument;
     case EACCES:
     case EPERM:
     case EROFS: return Code::PermissionDenied;

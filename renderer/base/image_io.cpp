@@ -13,6 +13,7 @@
 #include "base/image_codec.h"
 #include "base/image_exr.h"
 #include "base/image_write.h"
+#include "base/srgb_values.h"
 #include "base/utf8.h"
 
 namespace gobo {
@@ -224,7 +225,10 @@ Result<Image> readPicture(const std::string& fileAndLayer, const ReadLimits& lim
   GOBO_ASSIGN(const std::vector<uint8_t> bytes, readFile(file));
   if (!starts(bytes.data(), bytes.size(), "\x76\x2f\x31\x01")) {
     if (!layer.empty()) return invalidArgument("only EXR files have layers", fileAndLayer);
-    return readImageFromMemory(bytes.data(), bytes.size(), file, limits);
+    GOBO_ASSIGN(Image image, readImageFromMemory(bytes.data(), bytes.size(), file, limits));
+    if (holdsSrgbValues(bytes.data(), bytes.size()) && !decodeSrgbValues(image, limits.stop))
+      return Status(Code::Cancelled, "the reading was cancelled", file);
+    return image;
   }
   return readExrLayer(bytes.data(), bytes.size(), file, layer, limits);
 }

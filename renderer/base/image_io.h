@@ -39,7 +39,7 @@ Result<std::vector<std::string>> exrLayers(const uint8_t* bytes, size_t size, co
 /// The string attributes of the first part.
 Result<std::map<std::string, std::string>> exrMetadata(const uint8_t* bytes, size_t size, const std::string& name);
 /// "FILE" or "FILE.exr:LAYER" (a layer, or the name of an output: characters that layer names lack are compared as '_'). A multi-layer
-/// file without LAYER gives its nameless layer.
+/// file without LAYER gives its nameless layer. Linear: what a PNG or JPEG holds is decoded from sRGB (srgb_values.h).
 Result<Image> readPicture(const std::string& fileAndLayer, const ReadLimits& limits = {});
 /// The layer name of an output: letters, digits, '-' and '_' stay, everything else becomes '_' (Nuke takes nothing else, and dots nest).
 std::string exrLayerName(std::string_view output);

@@ -42,6 +42,7 @@ ErrorFigures pixelErrors(const Image& a, const Image& b, const std::vector<uint8
       out.differingPixels += !sameBits(p, q);
       if (!isFinite(p) || !isFinite(q)) {
         ++out.nonFinite;
+        out.nonFiniteApart += !sameBits(p, q);
         continue;
       }
       double distance = 0;

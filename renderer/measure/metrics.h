@@ -24,6 +24,7 @@ struct ErrorFigures {
   double meanA = 0, meanB = 0;  ///< mean luminance
   size_t differingPixels = 0;   ///< not bitwise equal in the compared channels (+0 and -0 differ)
   size_t nonFinite = 0;         ///< pixels with a NaN or Inf in either: left out of all the above but ssim and flip
+  size_t nonFiniteApart = 0;    ///< of those, the ones that are not the same in both to the bit
 };
 /// b is the reference. Errors: InvalidArgument on different or empty sizes.
 Result<ErrorFigures> compareImages(const Image& a, const Image& b);

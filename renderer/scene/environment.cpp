@@ -4,12 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <string_view>
 #include <vector>
 
 #include "base/check.h"
 #include "base/image_io.h"
-#include "base/transfer.h"
+#include "base/srgb_values.h"
 #include "base/utf8.h"
 #include "scene/environment_cube.h"
 #include "scene/environment_tents.h"
@@ -19,25 +18,6 @@ inline namespace scene {
 namespace {
 
 constexpr float kBelowOne = 0x1.fffffep-1f;
-
-bool isPngOrJpeg(const uint8_t* bytes, size_t size) {
-  const std::string_view head(reinterpret_cast<const char*>(bytes), std::min(size, size_t(8)));
-  return head == std::string_view("\x89PNG\r\n\x1a\n", 8) || head.substr(0, 3) == "\xff\xd8\xff";
-}
-
-/// sRGB code values of 8 or 16 bits, as shares of the greatest, to radiance. False if `stop` fired first.
-bool decodeCodeValues(Image& image, const StopToken& stop) {
-  constexpr int kMost = 65535;  // a code value k of 8 bits is 257 k of 16
-  std::vector<float> decoded(kMost + 1);
-  for (int k = 0; k <= kMost; ++k) decoded[size_t(k)] = float(decodeTransfer(Transfer::Srgb, double(k) / kMost));
-  const size_t channels = size_t(image.channels), colours = channels >= 3 ? 3 : 1, row = size_t(image.width) * channels;
-  for (size_t y = 0; y < size_t(image.height); ++y) {
-    if (stop.stopRequested()) return false;
-    for (size_t i = y * row; i < (y + 1) * row; i += channels)
-      for (size_t c = i; c < i + colours; ++c) image.data[c] = decoded[size_t(std::clamp(std::lround(double(image.data[c]) * kMost), 0l, long(kMost)))];
-  }
-  return true;
-}
 
 }  // namespace
 
@@ -96,7 +76,7 @@ Result<EnvironmentPtr> readEnvironment(const uint8_t* bytes, size_t size, const 
   limits.stop = stop;
   GOBO_ASSIGN(Image image, readImageFromMemory(bytes, size, name, limits));
   if (image.channels < 1) return invalidArgument("environment map has no channels", name);
-  if (isPngOrJpeg(bytes, size) && !decodeCodeValues(image, stop)) return Status(Code::Cancelled, "the reading was cancelled", name);
+  if (holdsSrgbValues(bytes, size) && !decodeSrgbValues(image, stop)) return Status(Code::Cancelled, "the reading was cancelled", name);
   const CubeLayout layout = cubeLayout(image, exrEnvironmentKind(bytes, size));
   if (layout != CubeLayout::None) image = latLongFromCube(image, layout, stop);
   EnvironmentPtr made = makeEnvironment(cleanUtf8(name.substr(name.find_last_of('/') + 1)), std::move(image), stop);

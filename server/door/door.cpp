@@ -11,6 +11,7 @@
 #include <chrono>
 #include <cstring>
 #include <optional>
+#include <string_view>
 #include <thread>
 
 #include "gobo/v1/farm.grpc.pb.h"
@@ -53,6 +54,11 @@ const char* mediaTypeOf(v1::Encoding::Format format) {
 std::string hostOf(const std::string& authority) {
   if (!authority.empty() && authority[0] == '[') return authority.substr(1, authority.find(']') - 1);
   return authority.substr(0, authority.rfind(':'));
+}
+
+/// What gRPC takes as a value of metadata: it ends the process that sends anything else.
+bool isMetadata(std::string_view value) {
+  return std::all_of(value.begin(), value.end(), [](char c) { return c >= 0x20 && c <= 0x7e; });
 }
 
 const char* headerOf(MHD_Connection* connection, const char* name) { return MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name); }
@@ -138,6 +144,8 @@ struct Door::Impl {
       return {grpc::StatusCode::PERMISSION_DENIED, "Host: \"" + escaped(name.substr(0, 80)) + "\" is not a name of this address"};
     if (const char* origin = headerOf(connection, MHD_HTTP_HEADER_ORIGIN); origin && origin != "http://" + authority && origin != "https://" + authority)
       return {grpc::StatusCode::PERMISSION_DENIED, "Origin: \"" + escaped(std::string(origin).substr(0, 80)) + "\": pages of other origins get nothing here"};
+    if (const char* sent = headerOf(connection, MHD_HTTP_HEADER_AUTHORIZATION); sent && !isMetadata(sent))
+      return {grpc::StatusCode::UNAUTHENTICATED, "authorization: has characters that no token has"};
     return grpc::Status::OK;
   }
   grpc::Status checkSecret(MHD_Connection* connection) const {
@@ -162,9 +170,9 @@ struct Door::Impl {
   std::function<void(grpc::ClientContext&)> dressing(MHD_Connection* connection) const {
     std::vector<std::pair<std::string, std::string>> words;
     const char* sent = headerOf(connection, MHD_HTTP_HEADER_AUTHORIZATION);
-    if (options.secret.empty() && sent) words.emplace_back("authorization", sent);
+    if (options.secret.empty() && sent && isMetadata(sent)) words.emplace_back("authorization", sent);
     if (!options.secret.empty() && !options.authorization.empty()) words.emplace_back("authorization", options.authorization);
-    if (const char* id = headerOf(connection, kRequestIdKey)) words.emplace_back(kRequestIdKey, id);
+    if (const char* id = headerOf(connection, kRequestIdKey); id && isMetadata(id)) words.emplace_back(kRequestIdKey, id);
     if (options.tellsPeer) {
       const MHD_ConnectionInfo* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
       words.emplace_back(kPeerKey, info ? peerText(*info->client_addr) : "?");

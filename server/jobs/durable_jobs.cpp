@@ -64,6 +64,7 @@ Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunne
   options.marks = self->marks_.get();
   options.out = &self->out_;
   options.holder = std::to_string(::getpid()) + "-" + std::to_string(random());
+  self->looks_ = std::make_unique<StoreLooks>(*self->store_);
   self->worker_ = std::make_unique<JobWorker>(engine, runner, *self->store_, self->files_, *self->scenes_, self->hub_, options);
   const auto tell = [hub = &self->hub_](bool steered) {
     if (steered) hub->steered();

@@ -11,6 +11,7 @@
 #include "server/jobs/job_scenes.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/job_worker.h"
+#include "server/jobs/store_looks.h"
 #include "server/repeating.h"
 
 namespace gobo {
@@ -29,6 +30,7 @@ class DurableJobs {
   const JobOut& out() const { return out_; }
   JobScenes& scenes() { return *scenes_; }
   JobHub& hub() { return hub_; }
+  StoreLooks& looks() { return *looks_; }
   const JobWorkerStats& stats() const { return worker_->stats(); }
   /// Keeps an upload for the jobs that may need it: `name` = sha256 + extension.
   Status keepUpload(const std::string& path, const std::string& name) { return files_.adopt(path, files_.scenePath(name)); }
@@ -45,6 +47,7 @@ class DurableJobs {
   JobFiles files_;
   JobOut out_;
   std::unique_ptr<JobStore> store_;
+  std::unique_ptr<StoreLooks> looks_;
   JobHub hub_;
   std::unique_ptr<JobNews> news_;  // of other daemons
   std::unique_ptr<JobScenes> scenes_;

@@ -76,6 +76,8 @@ class JobStore : public TaskStore {
   virtual Result<std::vector<v1::Job>> list(const JobFilter& filter) = 0;  ///< newest first, without frames
   /// Frames that changed after `revision`, with the job (no frames, no spec in it) and the new revision.
   virtual Result<JobRecord> changes(int64_t id, uint64_t revision) = 0;
+  /// Of the store's content: where it is what it was, nothing that changes() or get() say has changed meanwhile, whoever else may write.
+  virtual Result<std::string> edition() = 0;
   virtual Status cancel(int64_t id) = 0;  ///< no change when it is over
   virtual Status pause(int64_t id) = 0;   ///< no change when it is over
   virtual Status resume(int64_t id) = 0;

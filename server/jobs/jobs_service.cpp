@@ -2,6 +2,7 @@
 // The unary calls; jobs_streams.cpp has Watch and Fetch.
 #include "server/jobs/jobs_service.h"
 
+#include <algorithm>
 #include <chrono>
 
 #include "server/blobs_service.h"
@@ -119,7 +120,7 @@ grpc::Status JobsService::list(Rpc& rpc, const v1::ListJobsRequest& sent, v1::Li
   JobFilter filter;
   for (const int state : request->states()) {
     if (!v1::Job::State_IsValid(state) || state == 0) return toGrpc(invalidArgument(strf("states: %d is no state", state), "states"));
-    filter.states.push_back(v1::Job::State(state));
+    if (std::find(filter.states.begin(), filter.states.end(), state) == filter.states.end()) filter.states.push_back(v1::Job::State(state));
   }
   filter.client = request->client();
   if (bound(rpc)) {

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <optional>
 #include <set>
 
 #include "base/descriptor.h"
@@ -70,13 +71,24 @@ grpc::Status JobsService::watch(Rpc& rpc, const v1::WatchJobRequest& sent, grpc:
   if (!send(rpc, *writer, first)) return {grpc::StatusCode::CANCELLED, "the client has gone"};
   std::string shown = eventOf(record->job, nullptr).SerializeAsString();
   std::map<TaskId, double> progress;  // of live frames, as sent
+  std::optional<uint64_t> look;       // of the store, at `known`
+  JobRecord known;                    // without frames
   v1::Job::State state = record->job.state();
   while (!jobIsOver(state)) {
+    const uint64_t before = seen;
     hub.wait(seen, kStreamPoll);
     if (context->IsCancelled()) return {grpc::StatusCode::CANCELLED, "the client has gone"};
     if (core_.draining()) return rpc.refuseDraining();
-    auto news = core_.durable->store().changes(record->id, revision);
-    if (!news.ok()) return toGrpc(news.status());
+    const uint64_t next = core_.durable->looks().number(seen);
+    if (next == look && seen == before) continue;
+    Result<JobRecord> news = known;
+    if (next != look) {
+      news = core_.durable->store().changes(record->id, revision);
+      if (!news.ok()) return toGrpc(news.status());
+      look = next;
+      known = *news;
+      known.job.clear_frames();
+    }
     hub.overlay(*news);
     revision = news->revision;
     state = news->job.state();
@@ -163,6 +175,7 @@ grpc::Status JobsService::fetch(Rpc& rpc, const v1::FetchRequest& sent, grpc::Se
   uint64_t offset = request->offset();
   JobHub& hub = core_.durable->hub();
   uint64_t seen = hub.version();
+  std::optional<uint64_t> look;  // of the store, at `record`
   // Ascending by frame, always: a later frame that is finished already waits for its turn.
   for (int at = 0; at < record->job.frames_size();) {
     const v1::Frame& frame = record->job.frames(at);
@@ -183,8 +196,11 @@ grpc::Status JobsService::fetch(Rpc& rpc, const v1::FetchRequest& sent, grpc::Se
     hub.wait(seen, kStreamPoll);
     if (context->IsCancelled()) return {grpc::StatusCode::CANCELLED, "the client has gone"};
     if (core_.draining()) return rpc.refuseDraining();
+    const uint64_t next = core_.durable->looks().number(seen);
+    if (next == look) continue;
     auto news = core_.durable->store().changes(record->id, record->revision);
     if (!news.ok()) return toGrpc(news.status());
+    look = next;
     record->revision = news->revision;
     std::map<int64_t, const v1::Frame*> changed;
     for (const v1::Frame& f : news->job.frames()) changed[f.frame()] = &f;

@@ -153,6 +153,17 @@ Result<uint64_t> PostgresJobStore::revision() {
   return uint64_t(value);
 }
 
+Result<std::string> PostgresJobStore::edition() {
+  const std::lock_guard lock(mutex_);
+  std::string seen;
+  GOBO_TRY(look([&]() -> Status {
+    SqlQuery q(db_, "SELECT pg_current_snapshot()::text");  // which transactions are seen
+    while (q.next()) seen = q.text(0);
+    return q.status();
+  }));
+  return seen;
+}
+
 Result<uint64_t> PostgresJobStore::nextRevision() {
   GOBO_ASSIGN(const int64_t value, number("SELECT pg_current_xact_id()::text::bigint + value FROM counter WHERE name = 'revision'"));
   return uint64_t(value);
@@ -169,6 +180,10 @@ Result<int64_t> PostgresJobStore::lastJob() { return number("SELECT value FROM c
 Status PostgresJobStore::skipJobs(int64_t last) {
   SqlQuery q(db_, "UPDATE counter SET value = ?1 WHERE name = 'job' AND value < ?1");
   return q.bind(last).run();
+}
+
+std::string PostgresJobStore::listed(const char* number, int k) const {
+  return strf("%s = ANY(CAST(string_to_array(?%d, ',') AS bigint[]))", number, k);
 }
 
 Status PostgresJobStore::addTasks(int64_t job, const std::vector<int64_t>& frames, uint32_t parts, uint64_t revision) {

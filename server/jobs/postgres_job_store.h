@@ -33,6 +33,7 @@ class PostgresJobStore final : public SqlJobStore {
   static Status check(const std::string& uri);
   /// Counts of jobs against their frames; "ok" or the first job that differs.
   Result<std::string> integrity() override;
+  Result<std::string> edition() override;
   using SqlJobStore::check;
 
  private:
@@ -54,6 +55,7 @@ class PostgresJobStore final : public SqlJobStore {
   Status skipJobs(int64_t last) override;
   Status addTasks(int64_t job, const std::vector<int64_t>& frames, uint32_t parts, uint64_t revision) override;
   Status firstReady(const std::string& client, std::optional<Lease>& lease) override;
+  std::string listed(const char* number, int k) const override;
   Status tell(News news) override;
   Result<int64_t> number(const char* sql);
 

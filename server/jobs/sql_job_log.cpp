@@ -45,17 +45,17 @@ Result<std::vector<v1::JobLogEntry>> SqlJobStore::log(int64_t id, const JobLogFi
   std::string sql =
       "SELECT l.seq, l.at, l.kind, l.idx, t.frame, l.holder, l.error_code, l.error, l.seconds, j.frames, j.parts"
       " FROM log l JOIN job j ON j.id = l.job LEFT JOIN task t ON t.job = l.job AND t.idx = l.idx WHERE l.job = ?1 AND l.seq > ?2";
-  if (!filter.frames.empty()) {
-    sql += " AND t.frame IN (";
-    for (size_t i = 0; i < filter.frames.size(); ++i) sql += (i ? "," : "") + std::to_string(filter.frames[i]);
-    sql += ")";
-  }
+  // As one value: a statement is kept for each text that there was.
+  std::string frames;
+  for (const int64_t frame : filter.frames) frames += (frames.empty() ? "" : ",") + std::to_string(frame);
+  if (!frames.empty()) sql += " AND " + listed("t.frame", 4);
   sql += " ORDER BY l.seq DESC LIMIT ?3";
   std::vector<v1::JobLogEntry> entries;
   GOBO_TRY(look([&]() -> Status {
     entries.clear();
     SqlQuery q(db(), sql.c_str());
     q.bind(id).bind(int64_t(std::min<uint64_t>(filter.after, INT64_MAX))).bind(int64_t(std::min(filter.most, options_.logEntries)));
+    if (!frames.empty()) q.bind(frames);
     for (uint64_t bytes = 0; (entries.empty() || bytes <= filter.bytes) && q.next();) {
       v1::JobLogEntry& e = entries.emplace_back();
       e.set_sequence(uint64_t(q.integer(0)));

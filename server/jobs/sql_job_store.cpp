@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <random>
+#include <set>
 
 #include "server/log.h"
 
@@ -271,9 +272,9 @@ Result<std::vector<v1::Job>> SqlJobStore::list(const JobFilter& filter) {
   const std::lock_guard lock(mutex_);
   std::string sql = std::string(kJobColumns) + "WHERE id < ?1 AND (?2 = '' OR client = ?2)";
   if (!filter.states.empty()) {
-    sql += " AND state IN (";
-    for (size_t i = 0; i < filter.states.size(); ++i) sql += (i ? "," : "") + std::to_string(int(filter.states[i]));
-    sql += ")";
+    std::string states;  // each once, in order: a statement is kept for each text that there was
+    for (const int state : std::set<int>(filter.states.begin(), filter.states.end())) states += (states.empty() ? "" : ",") + std::to_string(state);
+    sql += " AND state IN (" + states + ")";
   }
   sql += " ORDER BY id DESC LIMIT ?3";
   std::vector<v1::Job> jobs;

@@ -111,6 +111,8 @@ class SqlJobStore : public JobStore {
   virtual Status addTasks(int64_t job, const std::vector<int64_t>& frames, uint32_t parts, uint64_t revision) = 0;
   /// The first ready frame of the client by priority, deadline, id, frame: task, frame, progress; locked until the transaction ends.
   virtual Status firstReady(const std::string& client, std::optional<Lease>& lease) = 0;
+  /// The condition that a whole number is one of those in value ?`k`, a text with commas between them.
+  virtual std::string listed(const char* number, int k) const = 0;
   virtual bool looksBeforeClaim() const { return false; }
   virtual Result<double> endedAt() { return uptime(); }  ///< in a transaction: the own clock, for the age of results
   virtual Status mindClock() { return {}; }

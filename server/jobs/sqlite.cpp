@@ -48,6 +48,8 @@ Status Sqlite::open(const std::string& path, double busySeconds) {
   return {};
 }
 
+int64_t Sqlite::changes() const { return db_ ? sqlite3_total_changes64(db_) : 0; }
+
 bool Sqlite::current() const {
   struct stat info {};
   return ::stat(path_.c_str(), &info) == 0 && uint64_t(info.st_dev) == device_ && uint64_t(info.st_ino) == inode_;

@@ -29,6 +29,8 @@ class Sqlite final : public SqlConnection {
   Status open(const std::string& path, double busySeconds);
   void close();
   bool isOpen() const { return db_ != nullptr; }
+  /// Rows that this connection changed since it was opened, those that were rolled back too.
+  int64_t changes() const;
   /// The file at the path is still the one that is open: nobody removed or replaced it, which SQLite would not see.
   bool current() const;
   /// Statements without values, separated by ";".

@@ -196,10 +196,21 @@ Result<uint64_t> SqliteJobStore::revision() {
   return value;
 }
 
+Result<std::string> SqliteJobStore::edition() {
+  const std::lock_guard lock(mutex_);
+  SqlQuery q(db_, "PRAGMA data_version");  // what other connections committed; of this one's changes SQLite counts the rows
+  int64_t others = 0;
+  while (q.next()) others = q.integer(0);
+  if (!q.status().ok()) return q.status();
+  return strf("%lld %lld", (long long)others, (long long)db_.changes());
+}
+
 Result<int64_t> SqliteJobStore::lastJob() {
   GOBO_ASSIGN(const std::string text, db_.value("SELECT seq FROM sqlite_sequence WHERE name = 'job'"));
   return int64_t(std::atoll(text.c_str()));
 }
+
+std::string SqliteJobStore::listed(const char* number, int k) const { return strf("%s IN (SELECT value FROM json_each('[' || ?%d || ']'))", number, k); }
 
 Status SqliteJobStore::skipJobs(int64_t last) {
   {

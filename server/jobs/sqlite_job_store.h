@@ -16,6 +16,7 @@ class SqliteJobStore final : public SqlJobStore {
   static Result<std::unique_ptr<SqliteJobStore>> open(const std::string& path, const JobStoreOptions& options = {});
   /// PRAGMA integrity_check; "ok" or what it says.
   Result<std::string> integrity() override;
+  Result<std::string> edition() override;
 
  private:
   explicit SqliteJobStore(const JobStoreOptions& options) : SqlJobStore(options) {}
@@ -37,6 +38,7 @@ class SqliteJobStore final : public SqlJobStore {
   Status skipJobs(int64_t last) override;
   Status addTasks(int64_t job, const std::vector<int64_t>& frames, uint32_t parts, uint64_t revision) override;
   Status firstReady(const std::string& client, std::optional<Lease>& lease) override;
+  std::string listed(const char* number, int k) const override;
   bool looksBeforeClaim() const override { return true; }  ///< an idle worker asks often: without a write transaction
   Result<double> endedAt() override;
   Status mindClock() override;

@@ -443,6 +443,8 @@ class Mistakes(DaemonTest):
             self.refused(['--plot no/a.png: no such folder: "no"'], *local, "occlusion", "cornell", "--plot", "no/a.png", code=3)
         self.refused(['no such file: "nosuch.exr"'], "compare", "nosuch.exr", "other.exr", code=3)
         self.refused(['--diff no/d.png: no such folder: "no"'], "compare", "nosuch.exr", "other.exr", "--diff", "no/d.png", code=3)
+        here = os.path.join(tempfile.gettempdir(), ".")
+        self.refused(["is a folder"], "compare", "nosuch.exr", "other.exr", "--diff", here)
         self.refused(['no such file: "nosuch.json"'], "render", "nosuch.glb", "--request", "nosuch.json", code=3)   # before a scene is loaded or sent
 
     def test_an_id_may_look_like_a_file(self):
@@ -804,6 +806,59 @@ class Formulas(DaemonTest):
                 self.assertEqual(a.read(), b.read(), name)
         self.assertIn("width is no field of a style", self.cli("render", "cornell", "--style", wrong, "-o", "bad.png", code=2).stderr)
         self.assertIn("nosuch.json", self.cli("render", "cornell", "--style", self.path("nosuch.json"), "-o", "bad.png", code=3).stderr)
+
+
+class Comparisons(DaemonTest):
+    def test_a_folder_is_no_picture(self):
+        os.mkdir(self.path("folder.exr"))
+        self.assertIn("-o folder.exr: is a folder", self.cli("render", "cornell", "-o", "folder.exr", code=2).stderr)
+        self.assertIn("--diff folder.exr: is a folder", self.cli("compare", "nosuch.exr", "other.exr", "--diff", "folder.exr", code=2).stderr)
+
+    def write(self, name, values, channels="RGB", layer=""):
+        gobo.exr.write(self.path(name), {layer + c: np.full((4, 4), v, np.float32) if np.isscalar(v) else v for c, v in zip(channels, values)})
+
+    def test_what_is_not_finite_in_one_alone_fails(self):
+        holed = np.full((4, 4), 0.5, np.float32)
+        holed[1, 2] = np.nan
+        endless = np.full((4, 4), np.inf, np.float32)
+        self.write("ok.exr", (0.5, 0.5, 0.5))
+        self.write("holed.exr", (0.5, holed, 0.5))
+        self.write("endless.exr", (endless,), "Z")
+        said = self.cli("compare", "holed.exr", "ok.exr", "--max-rmse", "1e9", code=1)
+        self.assertIn("1 pixels are not finite", said.stderr)
+        self.assertEqual(json.loads(self.cli("--json", "compare", "ok.exr", "holed.exr").stdout)["nonFiniteApart"], 1)
+        for name in ("holed.exr", "endless.exr"):   # a depth is infinite where nothing is: the same in both
+            self.cli("compare", name, name, "--max-rmse", "0")
+
+    def test_two_channels_are_refused(self):
+        self.write("motion.exr", (0.5, 0.25), "XY", "motion.")
+        self.assertIn("two channels", self.cli("compare", "motion.exr:motion", "motion.exr:motion", "--max-rmse", "0", code=2).stderr)
+
+    def test_code_values_are_decoded(self):
+        what = ("render", "cornell", "--size", "24x24", "--spp", "16", "--set", "tone_map.curve=LINEAR", "--set", "tone_map.exposure=-2", "-q")
+        self.cli(*what, "-o", "scene.exr")
+        shown = np.clip(gobo.exr.read_image(self.path("scene.exr")) / 4, 0, 1)   # by its exposure
+        self.write("truth.exr", [shown[..., c] for c in range(3)])
+        for name, more in (("srgb", ()), ("linear", ("--set", "encoding.transfer=LINEAR"))):
+            self.cli(*what, *more, "--set", "encoding.png_bits=16", "-o", name + ".png")
+            found = json.loads(self.cli("--json", "compare", name + ".png", "truth.exr").stdout)
+            self.assertLess(found["rmse"], 1e-3, name)
+            self.assertLess(found["flip"], 1e-2, name)
+
+    def test_a_scale_beyond_numbers(self):
+        self.write("ok.exr", (0.5, 0.5, 0.5))
+        self.assertIn("--scale", self.cli("compare", "ok.exr", "ok.exr", "--diff", "d.png", "--scale", "1e-50", code=2).stderr)
+
+
+class Precedence(DaemonTest):
+    def resolved(self, request, *more):
+        with open(self.path("r.json"), "w", encoding="utf-8") as file:
+            json.dump(request | {"scene": "cornell", "width": 8, "height": 8}, file)
+        return json.loads(self.cli("--json", "render", "--request", "r.json", *more, "-o", "a.exr").stdout)["resolved"]
+
+    def test_options_replace_what_the_file_says_otherwise(self):
+        self.assertEqual(self.resolved({"halt": {"time_s": 0.001}}, "--spp", "32")["halt"], {"spp": 32})
+        self.assertNotIn("constant", self.resolved({"environment": {"constant": {"x": 1, "y": 1, "z": 1}}}, "--env", "none", "--spp", "1")["environment"])
 
 
 class Pipes(DaemonTest):

@@ -79,6 +79,20 @@ class Tiles(DaemonTest):
         self.assertEqual(run.returncode, 5, said)
         self.assertEqual([f for f in os.listdir(self.folder) if f.startswith("stopped")], [])
 
+    def test_warnings_of_all_tiles_are_told(self):
+        bright = ("render", "cornell", "--size", "64x16", "--spp", "1", "--half", "--set", "lights.light.gain=8000", "-q")
+        said = [json.loads(self.cli("--json", *bright, *more, "-o", "w.exr").stdout)["warnings"] for more in ((), ("--tile", "16"))]
+        self.assertRegex(" ".join(said[0]), "65504")
+        self.assertRegex(" ".join(said[1]), r"65504.*[1-4] of 4 tiles\)")
+        self.assertEqual(len(said[1]), len(said[0]))
+
+    def test_a_deadline_is_of_the_whole(self):
+        long = ("render", "cornell", "--size", "1024x16", "--spp", "512", "--tile", "16", "--deadline", "700", "-q", "-o", "late.exr")
+        begun = time.monotonic()
+        self.cli(*long, code=5)
+        self.assertLess(time.monotonic() - begun, 20)
+        self.assertEqual([f for f in os.listdir(self.folder) if f.startswith("late.exr")], [])
+
     def test_refusals(self):
         def refused(words, *args):
             self.assertIn(words, self.cli(*self.what, *args, code=2).stderr)

@@ -168,6 +168,16 @@ class Calls(Door):
         self.assertEqual((status, code), (429, "RESOURCE_EXHAUSTED"))
         self.assertIn("limits.request_bytes", message)
 
+    def test_headers_that_no_call_can_carry(self):
+        # gRPC ends a process that sends such a value: a token that no token can be is refused, a name for a log is left out.
+        picture = {"scene": "cornell", "width": 8, "height": 8, "halt": {"spp": 1}}
+        for bad in (b"\xc3\xa9", b"\x01", b"Bearer \xff", b"Bearer a\x7f"):
+            for path, body in (("/v1/status", None), ("/v1/render", picture), ("/v1/blobs/" + "0" * 64 + "?bytes=1", b"x"), ("/render", b"x")):
+                headers = {} if body is None else JSON if isinstance(body, dict) else {"Content-Type": "application/octet-stream"}
+                self.assertEqual(self.open(path, body, headers=headers | {"Authorization": bad})[1].status, 401, (path, bad))
+            self.assertEqual(self.call("/v1/status", headers={"X-Request-Id": bad})[0], 200, bad)
+            self.assertEqual(self.call("/v1/render", picture, headers=JSON | {"X-Request-Id": bad})[0], 200, bad)
+
     def test_other_origins_and_names_get_nothing(self):
         body = {"scene": "cornell", "width": 8, "height": 8, "halt": {"spp": 1}}
         own = f"http://127.0.0.1:{self.port}"

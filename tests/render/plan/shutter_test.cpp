@@ -702,5 +702,52 @@ TEST(Shutter, ACurveThatARelightGivesHolds) {
   EXPECT_EQ(made->curves().count("lights.lamp.intensity"), 1u);
 }
 
+TEST(Shutter, WhatARelightSetsInMotionHasSlices) {
+  const auto engine = engineWithMoving("set-in-motion");
+  const v1::RenderRequest still = request({"camera.shutter_s=1"}, 8, "cornell");
+  const RenderResult first = mustRender(*engine, still);
+  EXPECT_EQ(first.reply.resolved().camera().shutter_slices(), 1u);
+  v1::RelightRequest relight;
+  relight.set_render_id(first.reply.render_id());
+  relight.add_mask("curves");
+  v1::Curve& yfov = (*relight.mutable_patch()->mutable_curves())["camera.yfov_deg"];
+  for (const double t : {0.0, 1.0}) yfov.add_time_s(t);
+  for (const double v : {30.0, 50.0}) yfov.add_value(v);
+  const auto made = engine->relightRequest(relight, "");
+  ASSERT_TRUE(made.ok()) << made.status().toString();
+  v1::RenderRequest moving = still;
+  *moving.mutable_curves() = relight.patch().curves();
+  EXPECT_GT(engine->resolve(moving)->camera().shutter_slices(), 1u);
+  EXPECT_EQ(firstDifference(mustRender(*engine, *made), mustRender(*engine, moving)), "");
+  // One that was asked for stays.
+  v1::RenderRequest one = moving;
+  set(one, "camera.shutter_slices=1");
+  relight.set_render_id(mustRender(*engine, one).reply.render_id());
+  EXPECT_EQ(engine->relightRequest(relight, "")->camera().shutter_slices(), 1u);
+}
+
+TEST(Shutter, FiltersOfTheMeanAreThoseOfItsOpening) {
+  const auto engine = engineWithMoving("filter-moves");
+  v1::RenderRequest r =
+      request({"time_s=0.2", "camera.shutter_s=0.6", "camera.shutter_slices=3", "filters[0].gaussian.sigma_px=1", "filters[1].term=direct", "filters[1].gaussian.sigma_px=1"}, 6);
+  v1::RenderRequest opening = r;
+  set(opening, "filters[0].gaussian.sigma_px=1.4");
+  for (const char* path : {"filters[0].gaussian.sigma_px", "filters[1].gaussian.sigma_px"}) {
+    v1::Curve& sigma = (*r.mutable_curves())[path];
+    for (const double t : {0.0, 1.0}) sigma.add_time_s(t);
+    for (const double v : {1.0, 3.0}) sigma.add_value(v);
+  }
+  const auto resolved = engine->resolve(r);
+  ASSERT_TRUE(resolved.ok()) << resolved.status().toString();
+  for (uint32_t slice = 0; slice < 3; ++slice) {
+    const auto at = sliceRequest(*resolved, slice);
+    ASSERT_TRUE(at.ok()) << at.status().toString();
+    EXPECT_NEAR(at->filters(0).gaussian().sigma_px(), 1.4, 1e-6) << "slice " << slice;
+    EXPECT_NEAR(at->filters(1).gaussian().sigma_px(), 1.0 + 2.0 * (0.2 + 0.6 * (slice + 0.5) / 3), 1e-6) << "slice " << slice;
+  }
+  r.mutable_curves()->erase("filters[1].gaussian.sigma_px");
+  EXPECT_EQ(firstDifference(mustRender(*engine, r), mustRender(*engine, opening)), "");
+}
+
 }  // namespace
 }  // namespace gobo::testing::shutter_test

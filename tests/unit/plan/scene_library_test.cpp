@@ -116,5 +116,81 @@ TEST_F(SceneLibraryCalls, AllInRandomOrder) {
   EXPECT_EQ(library.count(), 0u);
 }
 
+// That a scene was unloaded for want of room is told to those who could use it, and to nobody else.
+TEST(SceneLibrary, OthersAreNotToldOfASceneThatWent) {
+  SceneLibrary library({}, false, inProcessLoader());
+  const SceneAccess ann{"ann", false}, bob{"bob", false}, eve{"eve", false};
+  ASSERT_TRUE(library.open("cornell", "secret", {}, ann, {"bob"}).ok());
+  library.shrinkScenes(0);
+  for (const auto& [access, told] : {std::pair(ann, true), {bob, true}, {eve, false}}) {
+    const Status gone = library.find("secret", {}, access).status();
+    EXPECT_EQ(gone.code(), Code::NotFound);
+    EXPECT_EQ(gone.message().find("unloaded") != std::string::npos, told) << access.caller << ": " << gone.message();
+  }
+}
+
+Status patchFirstMaterial(SceneLibrary& library, const std::string& id) {
+  const Result<ScenePtr> scene = library.find(id);
+  if (!scene.ok()) return scene.status();
+  v1::PatchSceneRequest p;
+  p.set_scene(id);
+  (*p.mutable_materials())[(*scene)->materials[0].name].mutable_base_color()->set_x(0.123);
+  return library.patch(p).status();
+}
+
+// A built-in comes back by itself where it is what it was: one that was patched, or that stood for another scene, would come back as another, and nobody told.
+TEST(SceneLibrary, APatchedBuiltinThatWentIsNotMadeAnew) {
+  SceneLibrary library({}, false, inProcessLoader());
+  const SceneAccess ann{"ann", false};
+  const auto gone = [&](const std::string& id, const SceneAccess& access = {}) {
+    const Status found = library.find(id, {}, access).status(), inspected = library.inspect(id, access).status();
+    EXPECT_EQ(found.code(), Code::NotFound) << id;
+    EXPECT_EQ(inspected.code(), Code::NotFound) << id;
+    EXPECT_NE(found.message().find("no scene '" + id + "', which was unloaded to make room (engine.memory_bytes): open it again"), std::string::npos)
+        << found.message();
+    EXPECT_EQ(library.count(), 0u);
+  };
+  const std::string pristine = library.inspect("cornell")->hash();
+  library.shrinkScenes(0);
+  EXPECT_EQ(library.count(), 0u);
+  ASSERT_TRUE(library.find("cornell").ok()) << "as it was";
+  ASSERT_TRUE(patchFirstMaterial(library, "cornell").ok());
+  EXPECT_NE(library.inspect("cornell")->hash(), pristine);
+  library.shrinkScenes(0);
+  gone("cornell");
+  gone("cornell", ann);
+  EXPECT_TRUE(library.find("furnace").ok()) << "others are made";
+  library.shrinkScenes(0);
+  gone("cornell");
+  ASSERT_TRUE(library.open("cornell", "cornell").ok());
+  EXPECT_EQ(library.inspect("cornell")->hash(), pristine);
+  library.shrinkScenes(0);
+  EXPECT_TRUE(library.find("cornell").ok()) << "it is the built-in again";
+
+  ASSERT_TRUE(patchFirstMaterial(library, "cornell").ok());  // a token that may change nothing opens it as everybody's
+  library.shrinkScenes(0);
+  gone("cornell", ann);
+  ASSERT_TRUE(library.open("cornell", "", {}, ann).ok());
+  EXPECT_EQ(library.inspect("cornell")->hash(), pristine);
+
+  ASSERT_TRUE(library.open("furnace", "cornell").ok());  // another scene under its name
+  library.shrinkScenes(0);
+  gone("cornell");
+}
+
+// Of ids that went the last thousand are known, and changed built-ins always.
+TEST(SceneLibrary, ChangedBuiltinsThatWentAreNotForgotten) {
+  SceneLibrary library({}, false, inProcessLoader());
+  ASSERT_TRUE(patchFirstMaterial(library, "furnace").ok());
+  library.shrinkScenes(0);
+  for (int i = 0; i < 1010; ++i) {
+    ASSERT_TRUE(library.open("furnace", "other" + std::to_string(i)).ok());
+    library.shrinkScenes(0);
+  }
+  EXPECT_NE(library.find("furnace").status().message().find("open it again"), std::string::npos);
+  EXPECT_EQ(library.find("other5").status().message().find("open it again"), std::string::npos);
+  EXPECT_NE(library.find("other1009").status().message().find("open it again"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace gobo::scene_library_test

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "base/image_io.h"
 #include "plan/outputs.h"
@@ -150,6 +151,35 @@ TEST(EncodeLayers, PicturesOfShadowMaps) {
   RenderResult alone = mustRender(*engine, r);
   const auto bytes = fileOf(alone);
   EXPECT_EQ(layer(bytes, "shadow_basis:a").data, alone.images.at(0).image().data);
+}
+
+// A window is a place in the picture; a map has none.
+TEST(EncodeLayers, MapsBesideWindowsHaveBoxesOfTheirOwn) {
+  const auto engine = makeEngine();
+  const auto boxOf = [](const std::vector<uint8_t>& bytes, const std::string& name) {
+    const std::string key = name + std::string("\0box2i\0", 7);
+    const auto at = std::search(bytes.begin(), bytes.end(), key.begin(), key.end());
+    std::vector<int32_t> box(4);
+    if (at != bytes.end()) std::memcpy(box.data(), &*at + key.size() + 4, 16);
+    return box;
+  };
+  v1::RenderRequest r = layersRequest("beauty,shadow_basis:a");
+  for (const char* e : {"encoding.layers=false", "shadows.variance.min_variance=0", "shadows.map.resolution=8", "window.x=4", "window.y=3", "window.width=8", "window.height=5"})
+    set(r, e);
+  RenderResult result = mustRender(*engine, r);
+  const auto images = encodeImages(result);
+  ASSERT_TRUE(images.ok()) << images.status().toString();
+  ASSERT_EQ(images->size(), 2u);
+  const auto picture = (*images)[0].bytes.copy(), map = (*images)[1].bytes.copy();
+  EXPECT_EQ(boxOf(picture, "dataWindow"), (std::vector<int32_t>{4, 3, 11, 7}));
+  EXPECT_EQ(boxOf(picture, "displayWindow"), (std::vector<int32_t>{0, 0, 23, 15}));
+  const auto whole = [](const RenderedImage& i) { return std::vector<int32_t>{0, 0, i.width() - 1, i.height() - 1}; };
+  EXPECT_NE(result.images[1].width(), 24);
+  for (const char* box : {"dataWindow", "displayWindow"}) EXPECT_EQ(boxOf(map, box), whole(result.images[1])) << box;
+  for (const char* e : {"encoding.layers=true", "outputs=shadow_basis:a", "shadows.map.resolution=4"}) set(r, e);
+  RenderResult alone = mustRender(*engine, r);
+  const auto layers = fileOf(alone);
+  for (const char* box : {"dataWindow", "displayWindow"}) EXPECT_EQ(boxOf(layers, box), whole(alone.images[0])) << box;
 }
 
 TEST(EncodeLayers, NamesThatBecomeEqualStayApart) {
