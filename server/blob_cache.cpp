@@ -18,6 +18,7 @@
 #include "base/own_folder.h"
 #include "server/encode.h"
 #include "server/log.h"
+#include "server/random_hex.h"
 
 namespace gobo {
 inline namespace server {
@@ -26,6 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 constexpr const char* kTemporary = ".tmp-";
 constexpr const char* kWhat = "blob cache";
+constexpr int kMostNames = 8;          // that begin() tries
 constexpr size_t kSmallFiles = 20000;  // .files and .stamp
 
 bool endsWith(const std::string& text, std::string_view tail) {
@@ -180,18 +182,25 @@ BlobCache::Temporary::~Temporary() {
 }
 
 Result<std::unique_ptr<BlobCache::Temporary>> BlobCache::begin() const {
-  static std::atomic<uint64_t> counter{0};
-  std::unique_ptr<Temporary> t(new Temporary());
-  t->path_ = folder_ + "/" + kTemporary + std::to_string(::getpid()) + "-" + std::to_string(counter++);
-  ::unlink(t->path_.c_str());  // of an earlier process with this number
-  const auto make = [&] { return ::open(t->path_.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600); };
-  t->fd_ = make();
-  if (t->fd_ < 0 && errno == ENOENT) {  // somebody removed the folder
-    GOBO_TRY(makeOwnFolder(folder_, kWhat));
-    t->fd_ = make();
+  const std::string problem = "cannot write in the blob cache \"" + folder_ + "\"";
+  for (int tries = 0; tries < kMostNames; ++tries) {
+    const auto name = randomHex(16);  // and not the process's number: daemons in containers that share the folder have the same one
+    if (!name) return failed(problem);
+    const std::string path = folder_ + "/" + kTemporary + *name;
+    std::unique_ptr<Temporary> t(new Temporary());
+    t->fd_ = ::open(path.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
+    if (t->fd_ < 0) {
+      if (errno != ENOENT && errno != EEXIST) return failed(problem);
+      if (errno == ENOENT) GOBO_TRY(makeOwnFolder(folder_, kWhat));  // somebody removed the folder
+      continue;
+    }
+    t->path_ = path;  // from here on it goes with `t`
+    const bool locked = ::flock(t->fd_, LOCK_EX | LOCK_NB) == 0;
+    if (!locked && errno != EWOULDBLOCK) return failed(problem);
+    struct stat info {};  // while it was not locked, a daemon that starts may have taken it for one of the dead
+    if (locked && ::fstat(t->fd_, &info) == 0 && info.st_nlink > 0) return t;
   }
-  if (t->fd_ < 0 || ::flock(t->fd_, LOCK_EX | LOCK_NB) != 0) return failed("cannot write in the blob cache \"" + folder_ + "\"");
-  return t;
+  return Status(Code::Unavailable, problem + ": none of its new files stays");
 }
 
 Status BlobCache::stamp(Temporary& t, const BlobKey& key) const {

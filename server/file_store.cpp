@@ -29,6 +29,7 @@ constexpr int64_t kTouchNs = 3600 * 1000000000ll;  // the order of uses on disk 
 constexpr int64_t kSweepNs = 60 * 1000000000ll;
 constexpr uint64_t kMostPrivate = 2ull << 30;  // without a folder of its own: /tmp may be memory
 constexpr size_t kMostSteps = 16;
+constexpr size_t kMostNamed = 20;  // missing files that an error names
 
 int64_t nowNs() {
   timespec t{};
@@ -37,8 +38,15 @@ int64_t nowNs() {
 }
 
 Status failed(const std::string& what, int error) {
-  const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
-  return {full ? Code::ResourceExhausted : Code::Internal, what + ": " + std::strerror(error)};
+  const bool none = error == ENOSPC || error == EDQUOT || error == EFBIG || error == EMFILE || error == ENFILE || error == ENOMEM;
+  return {none ? Code::ResourceExhausted : Code::Internal, what + ": " + std::strerror(error)};
+}
+
+/// Errors that say that a file is not there. All others say nothing of it: it may be whole.
+bool saysGone(int error) { return error == ENOENT || error == ENOTDIR; }
+bool isGone(const std::string& path) {
+  struct stat info {};
+  return ::lstat(path.c_str(), &info) != 0 && saysGone(errno);
 }
 
 bool isHex(const std::string& text, size_t digits) { return text.size() == digits && text.find_first_not_of("0123456789abcdef") == std::string::npos; }
@@ -276,8 +284,7 @@ uint64_t FileStore::received(const std::string& owner, const std::string& sha256
   const std::lock_guard lock(mutex_);
   const auto at = entries_.find(key);
   if (at == entries_.end() || at->second.bytes != bytes) return 0;
-  struct stat info {};
-  if (::lstat(pathOf(key, at->second).c_str(), &info) != 0) {  // somebody emptied the folder
+  if (isGone(pathOf(key, at->second))) {  // somebody emptied the folder
     if (!at->second.writing && !at->second.holds) entries_.erase(at);
     return 0;
   }
@@ -304,8 +311,7 @@ Result<std::unique_ptr<FilePut>> FileStore::begin(const std::string& owner, cons
     auto at = entries_.find(key);
     if (at != entries_.end() && at->second.writing)
       return Status(Code::Aborted, "another call puts this file: ask what is missing, and go on once that one has ended", "put.blob.sha256");
-    struct stat info {};
-    if (at != entries_.end() && ::lstat(pathOf(key, at->second).c_str(), &info) != 0 && !at->second.holds) {
+    if (at != entries_.end() && !at->second.holds && isGone(pathOf(key, at->second))) {
       entries_.erase(at);
       at = entries_.end();
     }
@@ -339,8 +345,9 @@ Result<std::unique_ptr<FilePut>> FileStore::begin(const std::string& owner, cons
   put->fd_ = gobo::Descriptor{::open(put->part_.c_str(), O_CREAT | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600)};
   if (!put->fd_) return failed("cannot write \"" + put->part_ + "\"", errno);
   struct stat info {};
-  if (::fstat(put->fd_.get(), &info) != 0 || uint64_t(info.st_size) < offset || ::ftruncate(put->fd_.get(), off_t(offset)) != 0)
-    return Status(Code::Aborted, "what was there of the file is gone: ask what is missing", "put.offset");
+  if (::fstat(put->fd_.get(), &info) != 0) return failed("cannot write \"" + put->part_ + "\"", errno);
+  if (uint64_t(info.st_size) < offset) return Status(Code::Aborted, "what was there of the file is gone: ask what is missing", "put.offset");
+  if (::ftruncate(put->fd_.get(), off_t(offset)) != 0) return failed("cannot write \"" + put->part_ + "\"", errno);
   GOBO_TRY(addFile(put->sha_, put->fd_.get(), offset, stop));
   return put;
 }
@@ -352,11 +359,12 @@ FilePut::~FilePut() {
   if (at == store_->entries_.end() || at->second.whole) return;
   at->second.writing = false;
   struct stat info {};
-  if (damaged_ || !fd_ || ::fstat(fd_.get(), &info) != 0 || info.st_size == 0) {
+  const bool known = (fd_ ? ::fstat(fd_.get(), &info) : ::lstat(part_.c_str(), &info)) == 0;  // it may be there though it could not be opened
+  if (damaged_ || (known ? !S_ISREG(info.st_mode) || info.st_size == 0 : saysGone(errno))) {
     store_->drop(at);
     return;
   }
-  at->second.received = std::min(bytes_, uint64_t(info.st_size));
+  if (known) at->second.received = std::min(bytes_, uint64_t(info.st_size));
   at->second.used = nowNs();
 }
 
@@ -427,14 +435,17 @@ class FileStore::Hold {
 };
 
 Result<std::shared_ptr<const void>> FileStore::hold(const Key& key, const std::string& field, const StopToken& stop) {
-  const Status none = notFound(field + " = " + key.second + ": no such file of this caller's: put it first (Blobs.Put)", field);
+  const std::string what = field + " = " + key.second;
+  const Status none = notFound(what + ": no such file of this caller's: put it first (Blobs.Put)", field);
   std::shared_ptr<const void> held;
   std::string path;
+  uint64_t bytes = 0;
   bool checked = false;
   {
     const std::lock_guard lock(mutex_);
     const auto at = entries_.find(key);
     if (at == entries_.end() || !at->second.whole) return none;
+    bytes = at->second.bytes;
     ++at->second.holds;
     held = std::make_shared<Hold>(shared_from_this(), key);
     path = pathOf(key, at->second);
@@ -445,17 +456,18 @@ Result<std::shared_ptr<const void>> FileStore::hold(const Key& key, const std::s
   }
   const gobo::Descriptor fd{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)};
   struct stat info {};
-  bool good = fd && ::fstat(fd.get(), &info) == 0;
+  if (fd ? ::fstat(fd.get(), &info) != 0 : !saysGone(errno)) return failed(what + ": cannot open the file that was put", errno).at(field);
+  bool good = fd && uint64_t(info.st_size) == bytes;
   if (good && !checked) {
     Sha256 sha;
-    const Status read = addFile(sha, fd.get(), uint64_t(info.st_size), stop);
-    if (read.code() == Code::Cancelled) return Status(Code::Cancelled, "stopped", field);
-    good = read.ok() && sha.hex() == key.second;
+    const Status read = addFile(sha, fd.get(), bytes, stop);
+    if (!read.ok()) return read.at(field);
+    good = sha.hex() == key.second;
   }
   const std::lock_guard lock(mutex_);
   const auto at = entries_.find(key);
   if (at == entries_.end()) return none;
-  if (good && uint64_t(info.st_size) == at->second.bytes) {
+  if (good) {
     at->second.checked = true;
     return held;
   }
@@ -470,12 +482,26 @@ Result<std::shared_ptr<const FileTree>> FileStore::tree(const std::string& owner
   const std::string folder = ownerFolder(owner);
   std::string text = "gobo-files 1\n" + folder + "\n";
   std::shared_ptr<FileTree> made(new FileTree());
+  std::string missing;
+  size_t missed = 0;
+  Status first;
   for (const auto& [name, digest] : files) {
     text += std::to_string(name.size()) + " " + name + " " + lower(digest) + "\n";
     const std::string place = files.size() == 1 && field != "open.files" ? field : field + "[\"" + escaped(name) + "\"]";
-    GOBO_ASSIGN(std::shared_ptr<const void> held, hold({folder, lower(digest)}, place, stop));
-    made->holds_.push_back(std::move(held));
+    auto held = hold({folder, lower(digest)}, place, stop);
+    if (held.ok()) {
+      made->holds_.push_back(std::move(*held));
+      continue;
+    }
+    if (held.status().code() != Code::NotFound) return held.status();
+    if (++missed == 1) first = held.status();
+    if (missed <= kMostNamed) missing += (missing.empty() ? "" : ", ") + place + " = " + lower(digest);
   }
+  if (missed > 1)
+    return notFound(
+        strf("%zu of %zu files are not this caller's: put them first (Blobs.Put): ", missed, files.size()) + missing + (missed > kMostNamed ? ", ..." : ""),
+        field);
+  if (missed) return first;
   made->key_ = sha256Hex(text.data(), text.size());
   GOBO_TRY(ensureFolder());
   made->folder_ = options_.folder + "/trees/" + made->key_;
@@ -522,7 +548,9 @@ Result<std::shared_ptr<const FileTree>> FileStore::environment(const std::string
   {
     const gobo::Descriptor fd{::open((options_.folder + "/" + key.first + "/" + key.second).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)};
     char head[4] = {};
-    const bool read = fd && ::pread(fd.get(), head, sizeof head, 0) == ssize_t(sizeof head);
+    const ssize_t n = fd ? ::pread(fd.get(), head, sizeof head, 0) : -1;
+    if (n < 0) return failed(field + " = " + key.second + ": cannot read the file that was put", errno).at(field);
+    const bool read = n == ssize_t(sizeof head);
     if (read && std::memcmp(head, "\x76\x2f\x31\x01", 4) == 0) extension = ".exr";
     if (read && std::memcmp(head, "#?", 2) == 0) extension = ".hdr";
   }

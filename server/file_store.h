@@ -95,9 +95,11 @@ class FileStore : public std::enable_shared_from_this<FileStore> {
   /// Bytes that are there of the owner's file of so many bytes: all of them, or where a put may go on. A file of another size is none.
   uint64_t received(const std::string& owner, const std::string& sha256, uint64_t bytes);
   /// Room is made for the whole file. Errors: InvalidArgument (digest; bytes 0, or another size than that file has; offset beyond what is there);
-  /// Aborted while another call puts the same file; ResourceExhausted that names blobs.bytes; Cancelled; what the disk says.
+  /// Aborted while another call puts the same file; ResourceExhausted that names blobs.bytes, or without a descriptor; Cancelled; what the disk says. What
+  /// has arrived of the file stays.
   Result<std::unique_ptr<FilePut>> begin(const std::string& owner, const std::string& sha256, uint64_t bytes, uint64_t offset, const StopToken& stop = {});
-  /// Files by name, checked. Errors: NotFound naming field and digest of one that is not there, InvalidArgument, Cancelled, ResourceExhausted (disk full).
+  /// Files by name, checked. Errors: NotFound with field and digest of each that is not there (of 20, and how many there are), InvalidArgument, Cancelled,
+  /// ResourceExhausted (disk full; no descriptor to check one by: it stays), what the disk says.
   Result<std::shared_ptr<const FileTree>> tree(const std::string& owner, const std::map<std::string, std::string>& files, const std::string& field,
                                                const StopToken& stop = {});
   /// The same for one environment map; `path` is its file, with the extension of what it holds. Errors: also InvalidArgument for what is no .hdr or .exr.

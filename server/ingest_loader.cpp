@@ -106,7 +106,7 @@ class ChildLoader final : public SceneLoader {
 
   /// Of the scene file alone, under the options that the result depends on.
   BlobKey mainKey(ingest::Task task, const std::string& path, const std::string& digest) const {
-    std::string text = "gobo-ingest 4\n";
+    std::string text = "gobo-ingest 5\n";
     for (const uint64_t v : {uint64_t(task), options_.triangles, options_.inputBytes, options_.textureBytes, options_.memoryBytes})
       text += std::to_string(v) + "\n";
     text += blobFormatHash().hex() + "\n" + std::filesystem::path(path).filename().string() + "\n" + digest + "\n";

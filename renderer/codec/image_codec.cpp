@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The shared object behind base/image_codec.h: reading by OpenImageIO.
+// The shared object behind base/image_codec.h: reading by OpenImageIO, WebP by libwebp.
 #include "base/image_codec.h"
 
 #include <OpenImageIO/filesystem.h>
@@ -9,6 +9,7 @@
 
 #include "base/check.h"
 #include "base/image_io.h"
+#include "codec/webp.h"
 
 namespace gobo {
 inline namespace base {
@@ -16,6 +17,7 @@ namespace {
 
 Result<Image> decode(const uint8_t* bytes, size_t size, const std::string& format, const std::string& name, const ReadLimits& limits,
                      ImageCodec::SizeCheck check) {
+  if (format == "webp") return decodeWebp(bytes, size, name, limits, check);
   OIIO::Filesystem::IOMemReader memory(const_cast<uint8_t*>(bytes), size);
   // By the format's name: given a file's name or the bytes, it tries every reader that it has where this one refuses them.
   auto input = OIIO::ImageInput::create(format, false, nullptr, static_cast<OIIO::Filesystem::IOProxy*>(nullptr));

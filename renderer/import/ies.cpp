@@ -132,7 +132,9 @@ Result<IesPhotometry> readIes(std::string_view text, const std::string& name) {
   in.count("units type", 1, 2);
   for (const char* size : {"width", "length", "height"}) in.next(size);
   scale *= in.positive("ballast factor");
-  scale *= in.positive("ballast-lamp photometric factor");
+  // Files from LM-63-2019 on, which call themselves IES and no longer IESNA, have here a code of how they came about (1.00001, 1.1 ...).
+  if (text.substr(text.starts_with("\xef\xbb\xbf") ? 3 : 0).starts_with("IES:LM-63-")) in.next("file generation type");
+  else scale *= in.positive("ballast-lamp photometric factor");
   in.next("input watts");
   if (!in.problem.ok()) return in.problem;
   const std::vector<double> vertical = readAngles(in, "vertical angle", rows, 180.0), horizontal = readAngles(in, "horizontal angle", columns, 360.0);

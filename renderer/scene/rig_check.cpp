@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Checks, digest and size of a rig: after sealRig every index is in range, so that posing needs no checks of its own.
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -118,7 +119,12 @@ class Checker {
     for (size_t i = 0; i < rig_.sources.size(); ++i) {
       const RigSource& s = rig_.sources[i];
       if (!inRange(s.mesh, rig_.meshes.size())) return fail("sources", i, "mesh is out of range");
-      const size_t n = rig_.meshes[s.mesh]->positions.size();
+      const Mesh& mesh = *rig_.meshes[s.mesh];
+      const size_t n = mesh.positions.size();
+      if (!fits(mesh.normals, n) || !fits(mesh.tangents, n) || !fits(mesh.colours, n) ||
+          !std::all_of(mesh.uv.begin(), mesh.uv.end(), [&](const Array<Vec2>& set) { return fits(set, n); }))
+        return fail("sources", i, "vertex arrays of different lengths");
+      if (std::any_of(mesh.indices.begin(), mesh.indices.end(), [&](uint32_t k) { return k >= n; })) return fail("sources", i, "an index is out of range");
       if (s.influences < 0 || s.influences > 1024 || s.joints.size() != n * size_t(s.influences) || s.weights.size() != s.joints.size())
         return fail("sources", i, "joints and weights do not fit the vertices");
       if (!allFinite(std::span<const float>(s.weights))) return fail("sources", i, "a weight is not finite");

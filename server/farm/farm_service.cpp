@@ -314,9 +314,9 @@ Status FarmService::get(Rpc& rpc, const v1::GetFarmFileRequest& request, grpc::S
     return out.flush();
   }
   GOBO_ASSIGN(const JobRecord record, store().get(lease.task.job, false));
-  GOBO_ASSIGN(const ScenePtr scene, core_.durable->scenes().get(record));  // holds the map's file to its digest, too
+  GOBO_ASSIGN(const TaskScene held, core_.durable->scenes().get(record));  // holds the map's file to its digest, too
   switch (request.file_case()) {
-    case v1::GetFarmFileRequest::kScene: GOBO_TRY(writeBlob(*scene, sink)); break;
+    case v1::GetFarmFileRequest::kScene: GOBO_TRY(writeBlob(*held.scene, sink)); break;
     case v1::GetFarmFileRequest::kEnvironment: {
       GOBO_ASSIGN(const EnvironmentPtr map, core_.durable->scenes().map(record, call.stop.token()));
       if (!map) return notFound("the job has no map", "environment");

@@ -159,14 +159,18 @@ Status FarmWorker::attendOnce() {
       const std::lock_guard lock(mutex_);
       refused_ = {};
       logInfo("farm: attends coordinator %s as %s (%s)", config_.farmCoordinator.c_str(), name_.c_str(), news.worker().c_str());
-      if (!worker_ && !stopping_) {
+      const double lease = std::clamp(news.lease_s(), 1.0, 86400.0), checkpoint = std::clamp(news.checkpoint_s(), 0.05, 86400.0);
+      if (worker_) {
+        worker_->setTimes(lease, checkpoint);
+      } else if (!stopping_) {
         JobWorkerOptions options;
         options.displays = displayTransforms(config_);
         options.workers = int(info.frames());
-        options.leaseSeconds = std::clamp(news.lease_s(), 1.0, 86400.0);
-        options.checkpointSeconds = std::clamp(news.checkpoint_s(), 0.05, 86400.0);
+        options.leaseSeconds = lease;
+        options.checkpointSeconds = checkpoint;
         options.holder = name_;
         options.pollSeconds = kIdlePoll;
+        options.delivers = [tasks = tasks_.get()](const Lease& held, const std::vector<v1::FrameFile>& files) { tasks->delivers(held, files); };
         worker_ = std::make_unique<JobWorker>(engine_, runner_, *tasks_, files_, *scenes_, hub_, options);
       }
     }

@@ -35,35 +35,42 @@ Result<Pointer> RemoteScenes::have(int64_t job, const std::string& name, const v
   return mapped();
 }
 
-Result<ScenePtr> RemoteScenes::get(const JobRecord& record) {
+Result<EnvironmentPtr> RemoteScenes::map(const JobRecord& record) {
+  const std::string& digest = record.environmentDigest;
+  if (digest.empty()) return EnvironmentPtr();
+  if (map_ && mapDigest_ == digest && (!map_->file || map_->file->intact())) return map_;
+  v1::GetFarmFileRequest wanted;
+  wanted.set_environment(true);
+  GOBO_ASSIGN(
+      map_, have<EnvironmentPtr>(record.id, "map-" + digest + ".blob", wanted, [](const auto& file) { return readEnvironmentBlob(file, BlobTrust::Foreign); }));
+  mapDigest_ = digest;
+  return map_;
+}
+
+Result<ScenePtr> RemoteScenes::scene(const JobRecord& record) {
   const std::string& hash = record.job.scene_hash();
-  if (!isDigest(hash, kXxh128Digits)) return internalError("the coordinator names scene \"" + escaped(hash.substr(0, 80)) + "\"");
-  if (!record.environmentDigest.empty() && !isDigest(record.environmentDigest, kSha256Digits))
-    return internalError("the coordinator names map \"" + escaped(record.environmentDigest.substr(0, 80)) + "\"");
-  const std::lock_guard lock(mutex_);
-  if (!record.environmentDigest.empty() && mapDigest_ != record.environmentDigest) {
-    v1::GetFarmFileRequest wanted;
-    wanted.set_environment(true);
-    GOBO_ASSIGN(map_, have<EnvironmentPtr>(record.id, "map-" + record.environmentDigest + ".blob", wanted,
-                                           [](const auto& file) { return readEnvironmentBlob(file, BlobTrust::Foreign); }));
-    mapDigest_ = record.environmentDigest;
-  }
   if (scene_ && sceneHash_ == hash && (!scene_->file || scene_->file->intact())) return scene_;
   v1::GetFarmFileRequest wanted;
   wanted.set_scene(true);
   GOBO_ASSIGN(scene_, have<ScenePtr>(record.id, "scene-" + hash + ".blob", wanted, [&](const auto& file) -> Result<ScenePtr> {
-                GOBO_ASSIGN(const ScenePtr scene, readSceneBlob(file, BlobTrust::Foreign));
-                if (scene->hash().hex() == hash) return scene;
-                return Status(Code::DataLoss, "the blob is of scene " + scene->hash().hex() + ", wanted is " + hash, "request.scene");
+                GOBO_ASSIGN(const ScenePtr blob, readSceneBlob(file, BlobTrust::Foreign));
+                if (blob->hash().hex() == hash) return blob;
+                return Status(Code::DataLoss, "the blob is of scene " + blob->hash().hex() + ", wanted is " + hash, "request.scene");
               }));
   sceneHash_ = hash;
   return scene_;
 }
 
-EnvironmentSource RemoteScenes::environment(const JobRecord& record) {
+Result<TaskScene> RemoteScenes::get(const JobRecord& record) {
+  const std::string& hash = record.job.scene_hash();
+  if (!isDigest(hash, kXxh128Digits)) return internalError("the coordinator names scene \"" + escaped(hash.substr(0, 80)) + "\"");
+  if (!record.environmentDigest.empty() && !isDigest(record.environmentDigest, kSha256Digits))
+    return internalError("the coordinator names map \"" + escaped(record.environmentDigest.substr(0, 80)) + "\"");
+  // Both in one step: meanwhile another slot may have those of another job fetched.
   const std::lock_guard lock(mutex_);
-  if (record.environmentDigest.empty() || mapDigest_ != record.environmentDigest) return {};
-  return map_;
+  GOBO_ASSIGN(const EnvironmentPtr environment, map(record));
+  GOBO_ASSIGN(const ScenePtr loaded, scene(record));
+  return TaskScene{loaded, environment};
 }
 
 void RemoteScenes::trim(const std::string& newest) {

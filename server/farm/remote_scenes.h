@@ -16,10 +16,11 @@ class RemoteScenes final : public TaskScenes {
  public:
   /// `bytes`: of files that are kept; those that were used last stay.
   RemoteScenes(RemoteTasks& tasks, JobFiles& files, uint64_t bytes) : tasks_(tasks), files_(files), bytes_(bytes) {}
-  Result<ScenePtr> get(const JobRecord& record) override;
-  EnvironmentSource environment(const JobRecord& record) override;
+  Result<TaskScene> get(const JobRecord& record) override;
 
  private:
+  Result<EnvironmentPtr> map(const JobRecord& record);  // under mutex_; null where the job has none
+  Result<ScenePtr> scene(const JobRecord& record);      // under mutex_
   template <typename Pointer, typename Read>
   Result<Pointer> have(int64_t job, const std::string& name, const v1::GetFarmFileRequest& wanted, const Read& read);
   void trim(const std::string& newest);

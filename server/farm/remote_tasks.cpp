@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <set>
 
 #include "server/farm/messages.h"
 #include "server/farm/received_file.h"
@@ -43,15 +44,25 @@ Result<std::optional<Lease>> RemoteTasks::claim(const std::string& holder, doubl
   if (!reply.has_lease()) return std::optional<Lease>();
   Lease lease = fromMessage(reply.lease());
   lease.holder = holder;
-  Claimed claimed{lease, {}, {}};
-  {
+  Claimed claimed;
+  claimed.lease = lease;
+  for (const v1::FrameFile& part : reply.parts())
+    if (isDigest(part.sha256(), kSha256Digits)) claimed.parts.push_back(part);
+  const bool late = [&] {
     const std::lock_guard lock(mutex_);
-    claimed_[lease.task] = claimed;
+    const auto at = claimed_.find(lease.task);
+    if (at != claimed_.end() && at->second.lease.token > lease.token) return true;
+    claimed_[lease.task] = claimed;  // with its parts: whoever delivers one of them just now leaves the file here
     JobRecord& record = jobs_[lease.task.job];
     record.id = lease.task.job;
     record.job = std::move(*reply.mutable_job());
     record.environmentDigest = reply.environment_sha256();
     record.parts = partsOf(record.job.spec());
+    return false;
+  }();
+  if (late) {  // another slot has claimed it anew since this answer was sent
+    (void)release(lease);
+    return std::optional<Lease>();
   }
   // Files of a large frame may take longer than the lease lasts.
   auto renewed = std::chrono::steady_clock::now();
@@ -61,18 +72,17 @@ Result<std::optional<Lease>> RemoteTasks::claim(const std::string& holder, doubl
     renewed = now;
     (void)hold(lease, true);
   };
-  for (const v1::FrameFile& part : reply.parts()) {
-    if (!isDigest(part.sha256(), kSha256Digits)) continue;
+  for (const v1::FrameFile& part : claimed.parts) {
     v1::GetFarmFileRequest wanted;
     wanted.set_part(part.sha256());
-    const Status status = fetch(lease.task.job, wanted, files_.resultPath(lease.task.job, part.sha256()), keep);
+    const Status status = fetch(lease, wanted, files_.resultPath(lease.task.job, part.sha256()), keep);
     if (!status.ok()) logWarn("farm: part %s cannot be fetched: %s", part.sha256().c_str(), status.toString().c_str());
     // What the coordinator does not have is missed when the frame is put together, and rendered again; all else passes.
     if (!status.ok() && status.code() != Code::NotFound && status.code() != Code::DataLoss) {
       (void)release(lease);
+      forget(lease, claimed.parts);  // whatever became of that: no frame runs here
       return std::optional<Lease>();
     }
-    claimed.parts.push_back(part);
   }
   for (const v1::CheckpointInfo& info : reply.checkpoints()) {
     if (!isDigest(info.digest(), kXxh128Digits)) continue;
@@ -80,15 +90,20 @@ Result<std::optional<Lease>> RemoteTasks::claim(const std::string& holder, doubl
     wanted.set_checkpoint(info.digest());
     const std::string path = files_.checkpointPath(lease.task, info.digest());
     // One that does not come counts as not there: the frame starts anew.
-    if (const Status status = fetch(lease.task.job, wanted, path, keep); !status.ok())
+    if (const Status status = fetch(lease, wanted, path, keep); !status.ok())
       logWarn("farm: checkpoint %s cannot be fetched: %s", info.digest().c_str(), status.toString().c_str());
     claimed.checkpoints.push_back(fromMessage(info));
   }
-  const std::lock_guard lock(mutex_);
-  const auto at = claimed_.find(lease.task);
-  if (at == claimed_.end() || at->second.lease.token != lease.token) return std::optional<Lease>();  // it ended meanwhile
-  at->second = claimed;
-  return std::optional<Lease>(lease);
+  {
+    const std::lock_guard lock(mutex_);
+    const auto at = claimed_.find(lease.task);
+    if (at != claimed_.end() && at->second.lease.token == lease.token) {
+      at->second = claimed;
+      return std::optional<Lease>(lease);
+    }
+  }
+  forget(lease, claimed.parts);  // it ended meanwhile, and files came after that
+  return std::optional<Lease>();
 }
 
 Result<std::vector<CheckpointRow>> RemoteTasks::checkpoints(TaskId task) {
@@ -117,6 +132,12 @@ Result<v1::Job::State> RemoteTasks::hold(const Lease& lease, bool renew) {
   v1::HoldReply reply;
   GOBO_TRY(ended(lease, fromGrpc(link_.stub->Hold(&context, request, &reply)), false));
   return reply.state();
+}
+
+void RemoteTasks::delivers(const Lease& lease, const std::vector<v1::FrameFile>& files) {
+  const std::lock_guard lock(mutex_);
+  const auto at = claimed_.find(lease.task);
+  if (at != claimed_.end() && at->second.lease.token == lease.token) at->second.files = files;  // else it is over: its report will be refused
 }
 
 void RemoteTasks::tellProgress() {
@@ -155,16 +176,25 @@ Status RemoteTasks::put(const Lease& lease, bool checkpoint, const std::string& 
   return fromGrpc(writer->Finish());  // also where it took no more: it says why
 }
 
-Status RemoteTasks::fetch(int64_t job, v1::GetFarmFileRequest request, const std::string& path, const std::function<void()>& meanwhile) {
+Status RemoteTasks::fetch(int64_t job, const v1::GetFarmFileRequest& request, const std::string& path) {
+  std::vector<Lease> held;
   {
     const std::lock_guard lock(mutex_);
-    // The last: an earlier one may be over without anybody here knowing.
-    auto held = claimed_.end();
-    for (auto c = claimed_.begin(); c != claimed_.end(); ++c)
-      if (c->first.job == job && (held == claimed_.end() || c->second.lease.token > held->second.lease.token)) held = c;
-    if (held == claimed_.end()) return notFound("no frame of job " + std::to_string(job) + " is held here");
-    *request.mutable_lease() = toMessage(held->second.lease);
+    for (const auto& [task, claimed] : claimed_)
+      if (task.job == job) held.push_back(claimed.lease);
   }
+  // The last first: an earlier one may be over without anybody here knowing. But each may end before the coordinator reads its name.
+  std::sort(held.begin(), held.end(), [](const Lease& a, const Lease& b) { return a.token > b.token; });
+  Status status = notFound("no frame of job " + std::to_string(job) + " is held here");
+  for (const Lease& lease : held) {
+    status = fetch(lease, request, path);
+    if (status.code() != Code::FailedPrecondition) break;
+  }
+  return status;
+}
+
+Status RemoteTasks::fetch(const Lease& lease, v1::GetFarmFileRequest request, const std::string& path, const std::function<void()>& meanwhile) {
+  *request.mutable_lease() = toMessage(lease);
   grpc::ClientContext context;
   link_.prepare(context, kFileSeconds);
   const auto reader = link_.stub->Get(&context, request);
@@ -203,17 +233,24 @@ Status RemoteTasks::complete(const Lease& lease, const std::vector<v1::FrameFile
   v1::CompletionReport report;
   *report.mutable_lease() = toMessage(lease);
   report.set_seconds(seconds);
+  bool unsent = false;
   for (const v1::FrameFile& f : files) {
     // Refused as over, and the file forgotten here for that: perhaps because an earlier report of this completion arrived and only its answer did not.
     // Then it is taken again.
     const Status sent = put(lease, false, f.sha256(), files_.resultPath(lease.task.job, f.sha256()));
     if (!sent.ok() && sent.code() != Code::FailedPrecondition && sent.code() != Code::NotFound) return sent;
+    unsent = unsent || !sent.ok();
     *report.add_files() = f;
   }
   grpc::ClientContext context;
   link_.prepare(context, kCallSeconds);
   v1::FarmAck ack;
-  return ended(lease, fromGrpc(link_.stub->Complete(&context, report, &ack)));
+  Status answer = fromGrpc(link_.stub->Complete(&context, report, &ack));
+  if (unsent && answer.code() == Code::InvalidArgument) {  // it does not have them either: no repetition of this report changes that
+    const auto state = hold(lease, false);
+    answer = state.ok() ? Status(Code::DataLoss, "a file of the frame has gone before it was sent") : state.status();
+  }
+  return ended(lease, answer, true, files);
 }
 
 Status RemoteTasks::fail(const Lease& lease, const FailedReport& failed) {
@@ -240,24 +277,38 @@ Status RemoteTasks::release(const Lease& lease) {
 }
 
 /// A report that was taken, or refused because the lease is over: what lies here of the frame was only on its way.
-Status RemoteTasks::ended(const Lease& lease, const Status& answer, bool taken) {
-  if (answer.ok() ? taken : answer.code() == Code::FailedPrecondition) forget(lease);
+Status RemoteTasks::ended(const Lease& lease, const Status& answer, bool taken, const std::vector<v1::FrameFile>& files) {
+  if (answer.ok() ? taken : answer.code() == Code::FailedPrecondition) forget(lease, files);
   return answer;
 }
 
-void RemoteTasks::forget(const Lease& lease) {
-  {
-    const std::lock_guard lock(mutex_);
-    const auto at = claimed_.find(lease.task);
-    if (at == claimed_.end() || at->second.lease.token != lease.token) return;  // claimed again meanwhile
-  }
-  files_.removeCheckpoints(lease.task);
+/// `files`: what it may have left among the results, also where it was forgotten before.
+void RemoteTasks::forget(const Lease& lease, const std::vector<v1::FrameFile>& files) {
+  // All under one lock: whoever claims the task anew, or a frame that needs one of the files, is there before, or fetches them after.
   const std::lock_guard lock(mutex_);
-  claimed_.erase(lease.task);
-  const bool more = std::any_of(claimed_.begin(), claimed_.end(), [&](const auto& c) { return c.first.job == lease.task.job; });
-  if (more) return;
-  jobs_.erase(lease.task.job);
-  files_.removeResults(lease.task.job);
+  std::set<std::string> left, used;
+  for (const v1::FrameFile& f : files) left.insert(f.sha256());
+  const auto at = claimed_.find(lease.task);
+  if (at == claimed_.end() || at->second.lease.token == lease.token) files_.removeCheckpoints(lease.task);
+  if (at != claimed_.end() && at->second.lease.token == lease.token) {
+    for (const auto* own : {&at->second.parts, &at->second.files})
+      for (const v1::FrameFile& f : *own) left.insert(f.sha256());
+    claimed_.erase(at);
+  }
+  bool more = false;
+  for (const auto& [task, claimed] : claimed_) {
+    if (task.job != lease.task.job) continue;
+    more = true;
+    for (const auto* needed : {&claimed.parts, &claimed.files})
+      for (const v1::FrameFile& f : *needed) used.insert(f.sha256());
+  }
+  if (!more) {
+    jobs_.erase(lease.task.job);
+    files_.removeResults(lease.task.job);
+    return;
+  }
+  for (const std::string& digest : left)
+    if (!used.count(digest)) files_.remove(files_.resultPath(lease.task.job, digest));
 }
 
 }  // namespace gobo::farm

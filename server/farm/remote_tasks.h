@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // RemoteTasks: the coordinator's frames, for a JobWorker here. Files go the same way as reports: before a checkpoint or a completion is reported its
-// file, which the worker has written under its own folder, is put; a claimed frame's checkpoints are fetched before its claim returns. Thread-safe.
+// file, which the worker has written under its own folder, is put; a claimed frame's checkpoints and parts are fetched before its claim returns. Files stay
+// here as long as a frame that is held needs them: frames of one job share its folder of results, and equal bytes one file. Thread-safe.
 #pragma once
 
 #include <functional>
@@ -44,23 +45,28 @@ class RemoteTasks final : public TaskStore {
   Status fail(const Lease& lease, const FailedReport& report) override;
   Status release(const Lease& lease) override;
 
+  /// Before the frame's files are written: what other frames leave behind is cleared, but for these.
+  void delivers(const Lease& lease, const std::vector<v1::FrameFile>& files);
+
   /// Tells the coordinator how far frames are, where that has changed.
   void tellProgress();
 
-  /// Fetches what `request` names (its lease is filled in: one of the job's) into the file. `meanwhile`: called after every piece of it.
-  Status fetch(int64_t job, v1::GetFarmFileRequest request, const std::string& path, const std::function<void()>& meanwhile = {});
+  /// Fetches what `request` names (its lease is filled in) into the file. `meanwhile`: called after every piece of it.
+  Status fetch(const Lease& lease, v1::GetFarmFileRequest request, const std::string& path, const std::function<void()>& meanwhile = {});
+  /// The same of what is the job's, its scene or map: with any lease of it.
+  Status fetch(int64_t job, const v1::GetFarmFileRequest& request, const std::string& path);
 
  private:
   struct Claimed {
     Lease lease;
     std::vector<CheckpointRow> checkpoints;
-    std::vector<v1::FrameFile> parts;
-    double told = 0;  // progress
+    std::vector<v1::FrameFile> parts, files;  // that it is put together from, that it delivers
+    double told = 0;                          // progress
   };
   Result<v1::Job::State> hold(const Lease& lease, bool renew);
   Status put(const Lease& lease, bool checkpoint, const std::string& digest, const std::string& path);
-  Status ended(const Lease& lease, const Status& answer, bool taken = true);
-  void forget(const Lease& lease);
+  Status ended(const Lease& lease, const Status& answer, bool taken = true, const std::vector<v1::FrameFile>& files = {});
+  void forget(const Lease& lease, const std::vector<v1::FrameFile>& files);
   FarmLink& link_;
   JobFiles& files_;
   const JobHub& hub_;

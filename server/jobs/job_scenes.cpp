@@ -103,7 +103,12 @@ Result<EnvironmentPtr> JobScenes::map(const JobRecord& record, const StopToken& 
   return engine_.mapOf(request.environment(), environmentFile(request), stop);
 }
 
-Result<ScenePtr> JobScenes::get(const JobRecord& record) {
+Result<TaskScene> JobScenes::get(const JobRecord& record) {
+  GOBO_ASSIGN(const ScenePtr loaded, scene(record));
+  return TaskScene{loaded, environmentFile(record.job.spec().request())};
+}
+
+Result<ScenePtr> JobScenes::scene(const JobRecord& record) {
   const v1::RenderRequest& request = record.job.spec().request();
   const std::string& wanted = record.job.scene_hash();
   GOBO_ASSIGN(const std::string environment, environmentDigest(request, {}));

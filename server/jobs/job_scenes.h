@@ -26,13 +26,13 @@ class JobScenes final : public TaskScenes {
   /// Errors: FailedPrecondition naming both hashes; what loading says.
   /// Before frames of a job that is over wait again: an upload that it needs is young again. Errors: FailedPrecondition when it is gone.
   Status keepAgain(const JobRecord& record);
-  Result<ScenePtr> get(const JobRecord& record) override;
-  EnvironmentSource environment(const JobRecord& record) override { return environmentFile(record.job.spec().request()); }
+  Result<TaskScene> get(const JobRecord& record) override;
   /// The map of a job, loaded; null without. Errors as get().
   Result<EnvironmentPtr> map(const JobRecord& record, const StopToken& stop);
 
  private:
   Result<std::string> environmentDigest(const v1::RenderRequest& request, const StopToken& stop) const;
+  Result<ScenePtr> scene(const JobRecord& record);
   Engine& engine_;
   JobFiles& files_;
   const uint64_t inputBytes_;

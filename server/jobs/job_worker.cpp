@@ -8,7 +8,15 @@ namespace gobo {
 inline namespace jobs {
 
 JobWorker::JobWorker(Engine& engine, JobRunner& runner, TaskStore& store, JobFiles& files, TaskScenes& scenes, JobHub& hub, const JobWorkerOptions& options)
-    : engine_(engine), runner_(runner), store_(store), files_(files), scenes_(scenes), hub_(hub), options_(options) {
+    : engine_(engine),
+      runner_(runner),
+      store_(store),
+      files_(files),
+      scenes_(scenes),
+      hub_(hub),
+      options_(options),
+      leaseSeconds_(options.leaseSeconds),
+      checkpointSeconds_(options.checkpointSeconds) {
   for (int i = 0; i < options_.workers; ++i) threads_.emplace_back([this, i] { loop(i); });
 }
 
@@ -20,11 +28,16 @@ void JobWorker::stop() {
   threads_.clear();
 }
 
+void JobWorker::setTimes(double leaseSeconds, double checkpointSeconds) {
+  leaseSeconds_.store(leaseSeconds);
+  checkpointSeconds_.store(checkpointSeconds);
+}
+
 void JobWorker::loop(int number) {
   const std::string holder = options_.holder + "/" + std::to_string(number);
   uint64_t seen = hub_.version();
   while (!stopping_.load()) {
-    auto lease = store_.claim(holder, options_.leaseSeconds);
+    auto lease = store_.claim(holder, leaseSeconds_.load());
     if (!lease.ok()) logWarn("jobs: cannot claim: %s", lease.status().toString().c_str());
     if (!lease.ok() || !*lease) {
       hub_.wait(seen, lease.ok() ? options_.pollSeconds : 2);

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <thread>
 #include <vector>
 
@@ -29,6 +30,8 @@ struct JobWorkerOptions {
   double pollSeconds = 0.5;       ///< between claims when nothing was ready: other processes submit too, and retries become ready
   CrashMarks* marks = nullptr;    ///< may be null
   const JobOut* out = nullptr;    ///< null elsewhere than beside the store: the daemon that has it writes the files
+  /// Told of a frame's files before they are written; may be empty.
+  std::function<void(const Lease& lease, const std::vector<v1::FrameFile>& files)> delivers;
 };
 
 struct JobWorkerStats {
@@ -41,6 +44,8 @@ class JobWorker {
   ~JobWorker() { stop(); }
   /// Frames that run are checkpointed and released; returns when all threads are out.
   void stop();
+  /// From now on, frames that run among them: a coordinator that was started again may have been given other times.
+  void setTimes(double leaseSeconds, double checkpointSeconds);
   const JobWorkerStats& stats() const { return stats_; }
 
  private:
@@ -53,6 +58,7 @@ class JobWorker {
   TaskScenes& scenes_;
   JobHub& hub_;
   const JobWorkerOptions options_;
+  std::atomic<double> leaseSeconds_, checkpointSeconds_;  // what those of options_ have become
   JobWorkerStats stats_;
   std::atomic<bool> stopping_{false};
   std::vector<std::thread> threads_;

@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kTick = 0.02;      // seconds between ticks
 constexpr double kWriteShare = 20;  // a checkpoint may take a twentieth of the time between two
+constexpr double kKeep = 0.1;       // seconds between looks at the lease, at most: it may become shorter while the frame runs
 
 double since(std::chrono::steady_clock::time_point t) { return std::chrono::duration<double>(std::chrono::steady_clock::now() - t).count(); }
 
@@ -47,13 +48,15 @@ void TaskRun::steer(const Result<v1::Job::State>& state) {
 }
 
 void TaskRun::renewIfDue() {
+  const double lasts = w_.leaseSeconds_.load();
+  nextRenew_ = std::min(nextRenew_, in(lasts / 3));
   if (Clock::now() < nextRenew_ || end() == End::Lost) return;
   Lease lease = lease_;
-  const auto state = w_.store_.renew(lease, w_.options_.leaseSeconds);
+  const auto state = w_.store_.renew(lease, lasts);
   if (!state.ok() && state.status().code() != Code::FailedPrecondition)
     logWarn("jobs: cannot renew the lease of %s frame %lld: %s", jobIdText(lease_.task.job).c_str(), (long long)lease_.frame,
             state.status().toString().c_str());
-  nextRenew_ = in(w_.options_.leaseSeconds * (state.ok() ? 1.0 / 3 : 1.0 / 15));
+  nextRenew_ = in(lasts * (state.ok() ? 1.0 / 3 : 1.0 / 15));
   steer(state);
 }
 
@@ -68,7 +71,7 @@ void TaskRun::flush() {
   const Status status = checkpoints_->flush(progress, spp_.load());
   if (status.ok()) {
     storedProgress_ = progress;
-    gap_ = std::max(w_.options_.checkpointSeconds, kWriteShare * since(start));
+    gap_ = std::max(w_.checkpointSeconds_.load(), kWriteShare * since(start));
     w_.hub_.changed();
   } else if (status.code() == Code::FailedPrecondition) {
     ask(End::Lost);
@@ -84,6 +87,7 @@ bool TaskRun::tick() {
     control_ = control;
     steer(w_.store_.check(lease_));
   }
+  if (const double asked = w_.checkpointSeconds_.load(); asked != checkpointSeconds_) gap_ = checkpointSeconds_ = asked;
   flush();
   if (const auto active = checkpoints_->activeSince(); active && end() == End::None && !checkpoints_->pending() && inSlot_.load()) {
     // Counted from the start of the node: each run of it gets on by at least one gap, or it would never end.
@@ -214,15 +218,15 @@ Status TaskRun::inSlot(uint64_t bytes, const std::function<Status(StopToken)>& b
 }
 
 Status TaskRun::renderPicture(const v1::RenderRequest& request) {
-  auto scene = w_.scenes_.get(record_);
-  if (!scene.ok()) {
+  const auto found = w_.scenes_.get(record_);
+  if (!found.ok()) {
     sceneFault_ = true;
-    return scene.status();
+    return found.status();
   }
-  scene_ = *scene;
+  scene_ = found->scene;
   const Result<PreparedRender> prepared = [&] {
     const CrashMarks::Working working(w_.options_.marks, lease_.task);
-    return w_.engine_.prepare(request, scene_, {}, {}, w_.scenes_.environment(record_));
+    return w_.engine_.prepare(request, scene_, {}, {}, found->environment);
   }();
   if (!prepared.ok()) return prepared.status();
   return inSlot(prepared->pinnedBytes, [&](StopToken slot) { return work(slot, *prepared); });
@@ -258,7 +262,11 @@ Status TaskRun::deliver(const std::vector<EncodedImage>& images) {
     f.set_format(d.format());
     f.set_width(d.width());
     f.set_height(d.height());
-    GOBO_TRY(report("result file", [&] { return w_.files_.write(w_.files_.resultPath(lease_.task.job, f.sha256()), image.bytes.data(), image.bytes.size()); }));
+  }
+  if (w_.options_.delivers) w_.options_.delivers(lease_, files);
+  for (size_t i = 0; i < files.size(); ++i) {
+    const std::string path = w_.files_.resultPath(lease_.task.job, files[i].sha256());
+    GOBO_TRY(report("result file", [&] { return w_.files_.write(path, images[i].bytes.data(), images[i].bytes.size()); }));
   }
   if (w_.options_.out) GOBO_TRY(report("file of job.out", [&] { return w_.options_.out->deliver(w_.store_, w_.files_, lease_, files); }));
   GOBO_TRY(report("completion report", [&] { return w_.store_.complete(lease_, files, ranSeconds_); }));
@@ -268,9 +276,10 @@ Status TaskRun::deliver(const std::vector<EncodedImage>& images) {
 
 void TaskRun::run() {
   control_ = w_.hub_.control();
-  gap_ = w_.options_.checkpointSeconds;
-  nextRenew_ = in(w_.options_.leaseSeconds / 3);
-  keeper_.start(std::chrono::milliseconds(std::max(int64_t(w_.options_.leaseSeconds * 1e3 / 15), int64_t(1))), [this] { renewIfDue(); });
+  gap_ = checkpointSeconds_ = w_.checkpointSeconds_.load();
+  const double lasts = w_.leaseSeconds_.load();
+  nextRenew_ = in(lasts / 3);
+  keeper_.start(std::chrono::milliseconds(std::max(int64_t(std::min(lasts / 15, kKeep) * 1e3), int64_t(1))), [this] { renewIfDue(); });
   progress_ = storedProgress_ = lease_.progress;
   w_.hub_.setLive(lease_.task, {lease_.frame, storedProgress_, storedProgress_, 0});
   std::vector<EncodedImage> images;

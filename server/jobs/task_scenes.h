@@ -9,13 +9,16 @@
 namespace gobo {
 inline namespace jobs {
 
+struct TaskScene {
+  ScenePtr scene;
+  EnvironmentSource environment;  ///< of the map; neither: the request's own path is to be used, or the job has none
+};
+
 class TaskScenes {
  public:
   virtual ~TaskScenes() = default;
   /// Errors: FailedPrecondition naming both hashes when the scene or the map is another by now; what loading says.
-  virtual Result<ScenePtr> get(const JobRecord& record) = 0;
-  /// After get(): where the map comes from if the request's own path is not to be used.
-  virtual EnvironmentSource environment(const JobRecord& record) = 0;
+  virtual Result<TaskScene> get(const JobRecord& record) = 0;
 };
 
 }  // namespace jobs

@@ -280,11 +280,10 @@ TEST_F(Worker, AFrameWithoutCheckpointsComesToItsEnd) {
   EXPECT_EQ(get(id).frames(0).attempts(), 1u);
 }
 
-/// A coordinator that took a report whose answer was lost: the lease is over, and what was here of the frame is gone with it.
-struct Forgets final : TaskStore {
+/// The store, for those that do one thing otherwise.
+struct Forwards : TaskStore {
   TaskStore& store;
-  std::atomic<uint64_t> token{0};  // of the lease that it did this to: the first
-  explicit Forgets(TaskStore& s) : store(s) {}
+  explicit Forwards(TaskStore& s) : store(s) {}
   Result<JobRecord> get(int64_t id, bool withFrames) override { return store.get(id, withFrames); }
   Result<std::optional<Lease>> claim(const std::string& holder, double leaseSeconds) override { return store.claim(holder, leaseSeconds); }
   Result<v1::Job::State> renew(Lease& lease, double leaseSeconds) override { return store.renew(lease, leaseSeconds); }
@@ -294,6 +293,15 @@ struct Forgets final : TaskStore {
   }
   Result<std::vector<CheckpointRow>> checkpoints(TaskId task) override { return store.checkpoints(task); }
   Result<std::vector<v1::FrameFile>> parts(TaskId task) override { return store.parts(task); }
+  Status complete(const Lease& lease, const std::vector<v1::FrameFile>& files, double seconds) override { return store.complete(lease, files, seconds); }
+  Status fail(const Lease& lease, const FailedReport& report) override { return store.fail(lease, report); }
+  Status release(const Lease& lease) override { return store.release(lease); }
+};
+
+/// A coordinator that took a report whose answer was lost: the lease is over, and what was here of the frame is gone with it.
+struct Forgets final : Forwards {
+  using Forwards::Forwards;
+  std::atomic<uint64_t> token{0};  // of the lease that it did this to: the first
   Status complete(const Lease& lease, const std::vector<v1::FrameFile>& files, double seconds) override {
     uint64_t none = 0;
     const bool first = token.compare_exchange_strong(none, lease.token);
@@ -301,8 +309,6 @@ struct Forgets final : TaskStore {
     GOBO_TRY(store.complete(lease, files, seconds));
     return first ? Status(Code::Unavailable, "the answer was lost") : Status();
   }
-  Status fail(const Lease& lease, const FailedReport& report) override { return store.fail(lease, report); }
-  Status release(const Lease& lease) override { return store.release(lease); }
 };
 
 TEST_F(Worker, AReportWhoseLeaseIsOverIsGivenUp) {
@@ -340,6 +346,33 @@ TEST_F(Worker, ALeaseIsKeptWhileFilesAreWritten) {
   EXPECT_EQ(worker->stats().lost.load(), 0u);
   EXPECT_EQ(get(id).frames(0).attempts(), 1u);
   EXPECT_EQ(result(id), expected(s));
+}
+
+/// Counts renewals for less than a second.
+struct Renewals final : Forwards {
+  using Forwards::Forwards;
+  std::atomic<int> quick{0};
+  Result<v1::Job::State> renew(Lease& lease, double leaseSeconds) override {
+    quick += leaseSeconds < 1;
+    return store.renew(lease, leaseSeconds);
+  }
+};
+
+// Shorter times hold for a frame that runs, though neither a renewal nor a checkpoint of it was due for minutes.
+TEST_F(Worker, TimesMayChangeWhileAFrameRuns) {
+  Renewals renewals(*store);
+  workerOptions.leaseSeconds = workerOptions.checkpointSeconds = 600;
+  worker = std::make_unique<JobWorker>(*engine, *runner, renewals, files_, *scenes, hub, workerOptions);
+  const int64_t id = put(spec(1 << 20));
+  EXPECT_TRUE(eventually([&] { return get(id).frames(0).state() == v1::Frame::RUNNING; }));
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_TRUE(get(id).frames(0).checkpoint().empty());
+  EXPECT_EQ(renewals.quick.load(), 0);
+  worker->setTimes(0.6, 0.05);
+  EXPECT_TRUE(eventually([&] { return renewals.quick.load() >= 3 && !get(id).frames(0).checkpoint().empty(); }, 20)) << renewals.quick.load();
+  EXPECT_TRUE(store->cancel(id).ok());
+  hub.steered();
+  worker->stop();  // before the store that it has goes
 }
 
 TEST_F(Worker, AReportThatCannotBeWrittenIsRepeatedUntilAcknowledged) {

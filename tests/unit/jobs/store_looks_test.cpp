@@ -14,7 +14,8 @@ namespace {
 struct LookedAt : test::OnEachStore<test::StoreFixture> {
   std::string all() {
     std::string text;
-    for (const int64_t id : *store->jobIds()) text += store->get(id, true)->job.SerializeAsString() + '\n';
+    const std::vector<int64_t> ids = *store->jobIds();
+    for (const int64_t id : ids) text += store->get(id, true)->job.SerializeAsString() + '\n';
     return text;
   }
 };

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <functional>
 #include <limits>
 
 #include "import/load.h"
@@ -257,6 +258,31 @@ TEST(Blob, ForeignArraysAreNotBelieved) {
   const auto caughtLying = blobOf(lying).scene(BlobTrust::Foreign);
   ASSERT_FALSE(caughtLying.ok());
   EXPECT_NE(caughtLying.status().message().find("lowest"), std::string::npos) << caughtLying.status().toString();
+}
+
+// Posing writes as many normals as there are vertices: a rig's arrays that are shorter would be written beyond their end.
+TEST(Blob, AForeignRigWithArraysOfOtherLengthsIsRefused) {
+  Scene s = smallScene();
+  const auto read = [&](const std::function<void(Mesh&)>& spoil) {
+    auto mesh = std::make_shared<Mesh>(*s.meshes[0]);
+    auto rig = std::make_shared<Rig>(*s.rig);
+    rig->meshes = {mesh};
+    rig->sources.resize(1);
+    rig->deformed.resize(1);
+    EXPECT_TRUE(sealRig(*rig, s).ok());
+    spoil(*mesh);
+    sealMesh(*mesh);
+    s.rig = rig;
+    EXPECT_TRUE(s.seal().ok());
+    return blobOf(s).scene(BlobTrust::Foreign).status();
+  };
+  EXPECT_TRUE(read([](Mesh&) {}).ok()) << read([](Mesh&) {}).toString();
+  for (const size_t n : {1, 4}) {  // of three vertices
+    for (const Status& status : {read([&](Mesh& m) { m.normals = Array<Vec3>(n, Vec3(0, 0, 1)); }), read([&](Mesh& m) { m.uv[3] = Array<Vec2>(n); })}) {
+      EXPECT_EQ(status.code(), Code::DataLoss) << n;
+      EXPECT_NE(status.message().find("vertex arrays of different lengths"), std::string::npos) << status.toString();
+    }
+  }
 }
 
 TEST(Blob, EveryDamagedByteOfTheArraysIsFound) {

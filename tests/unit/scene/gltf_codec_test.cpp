@@ -12,6 +12,7 @@
 #include <set>
 
 #include "base/image_io.h"
+#include "base/transfer.h"
 #include "import/load.h"
 
 namespace gobo {
@@ -187,6 +188,62 @@ TEST_F(Codec, WebpPicturesAndBasisFallback) {
   EXPECT_GT(s->textures[s->materials[0].albedo.texture.texture]->sample(Vec2(0.5f)).x, 0.9f);
   EXPECT_TRUE(std::any_of(s->warnings.begin(), s->warnings.end(),
                           [](const std::string& w) { return w.find("/textures/1/extensions/KHR_texture_basisu") != std::string::npos; }));
+}
+
+// Two texels, lossless: (200, 100, 50, 128) and (10, 20, 30, 0).
+constexpr uint8_t kWebpWithAlpha[] = {0x52, 0x49, 0x46, 0x46, 0x1c, 0x00, 0x00, 0x00, 0x57, 0x45, 0x42, 0x50, 0x56, 0x50, 0x38, 0x4c, 0x10, 0x00,
+                                      0x00, 0x00, 0x2f, 0x01, 0x00, 0x00, 0x10, 0x38, 0x05, 0xd9, 0x15, 0x90, 0xef, 0x21, 0x33, 0x80, 0xf1, 0x00};
+
+TEST_F(Codec, WebpColoursAreApartFromAlpha) {
+  const int want[8] = {200, 100, 50, 128, 10, 20, 30, 0};
+  const auto picture = readImageFromMemory(kWebpWithAlpha, sizeof kWebpWithAlpha, "a.webp");
+  ASSERT_TRUE(picture.ok()) << picture.status().toString();
+  ASSERT_EQ(picture->width, 2);
+  ASSERT_EQ(picture->height, 1);
+  ASSERT_EQ(picture->channels, 4);
+  for (size_t i = 0; i < 8; ++i) EXPECT_FLOAT_EQ(picture->data[i] * 255.0f, float(want[i])) << i;
+  const float quad[] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+  primitive()["attributes"]["POSITION"] = accessor(view(quad, sizeof quad), 5126, "VEC3", 3);
+  primitive()["material"] = 0;
+  ASSERT_TRUE(writeFileAtomic(folder_ / "a.webp", kWebpWithAlpha, sizeof kWebpWithAlpha).ok());
+  doc_["images"] = Json::parse(R"([{"uri":"a.webp"}])");
+  doc_["textures"] = Json::parse(R"([{"extensions":{"EXT_texture_webp":{"source":0}}}])");
+  doc_["materials"] = Json::parse(R"([{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}])");
+  doc_["extensionsUsed"] = doc_["extensionsRequired"] = {"EXT_texture_webp"};
+  const ScenePtr s = mustLoad();
+  ASSERT_TRUE(s && s->materials[0].albedo.texture.valid());
+  const Texture& texture = *s->textures[s->materials[0].albedo.texture.texture];
+  for (int i = 0; i < 2; ++i) {
+    const Vec4 texel = texture.sample(Vec2(0.25f + 0.5f * float(i), 0.5f));
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(texel[c], decodeTransfer(Transfer::Srgb, want[4 * i + c] / 255.0), 1e-4) << i << " " << c;
+    EXPECT_NEAR(texel.w, want[4 * i + 3] / 255.0, 1e-6) << i;
+  }
+}
+
+TEST_F(Codec, WebpIsRefusedWhereItIsDamagedAnimatedOrTooLarge) {
+  const auto code = [](const uint8_t* bytes, size_t size, const ReadLimits& limits = {}) {
+    return readImageFromMemory(bytes, size, "a.webp", limits).status().code();
+  };
+  for (size_t n = 0; n < sizeof kWebpWithAlpha; ++n) EXPECT_EQ(code(kWebpWithAlpha, n), Code::InvalidArgument) << n;
+  ReadLimits limits;
+  limits.maxDimension = 1;
+  EXPECT_EQ(code(kWebpWithAlpha, sizeof kWebpWithAlpha, limits), Code::ResourceExhausted);
+  StopSource stop;
+  stop.stop(StopReason::Cancelled);
+  limits = {};
+  limits.stop = stop.token();
+  EXPECT_EQ(code(kWebpWithAlpha, sizeof kWebpWithAlpha, limits), Code::Cancelled);
+  // 2 x 1, two pictures.
+  const uint8_t animated[] = {0x52, 0x49, 0x46, 0x46, 0x80, 0x00, 0x00, 0x00, 0x57, 0x45, 0x42, 0x50, 0x56, 0x50, 0x38, 0x58, 0x0a, 0x00, 0x00, 0x00,
+                              0x02, 0x00, 0x00, 0x00, 0x01, 0x00, 0x00, 0x00, 0x00, 0x00, 0x41, 0x4e, 0x49, 0x4d, 0x06, 0x00, 0x00, 0x00, 0xff, 0xff,
+                              0xff, 0xff, 0x00, 0x00, 0x41, 0x4e, 0x4d, 0x46, 0x28, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x01, 0x00,
+                              0x00, 0x00, 0x00, 0x00, 0x64, 0x00, 0x00, 0x02, 0x56, 0x50, 0x38, 0x4c, 0x0f, 0x00, 0x00, 0x00, 0x2f, 0x01, 0x00, 0x00,
+                              0x00, 0x38, 0x05, 0xd9, 0x28, 0xdc, 0x43, 0xa6, 0xff, 0x51, 0x01, 0x00, 0x41, 0x4e, 0x4d, 0x46, 0x24, 0x00, 0x00, 0x00,
+                              0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x64, 0x00, 0x00, 0x00, 0x56, 0x50, 0x38, 0x4c,
+                              0x0c, 0x00, 0x00, 0x00, 0x2f, 0x00, 0x00, 0x00, 0x00, 0x28, 0x59, 0x91, 0x2b, 0xd3, 0xff, 0x00};
+  const Status moves = readImageFromMemory(animated, sizeof animated, "a.webp").status();
+  EXPECT_EQ(moves.code(), Code::InvalidArgument);
+  EXPECT_NE(moves.message().find("animated"), std::string::npos) << moves.toString();
 }
 
 TEST_F(Codec, MaterialExtensionsArriveInTheirFields) {

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
 #include <numbers>
 
 #include "import/load.h"
@@ -73,6 +74,17 @@ TEST(Ies, EveryVersionsHeadAndFactors) {
   const auto factors = read("TILT=NONE\n1 -1 2 2 1 1 2 0 0 0\n0.9 0.5 50\n0 90 0 1e2 +50\n");
   ASSERT_TRUE(factors.ok()) << factors.status().toString();
   EXPECT_NEAR(factors->candela, 90.0, 1e-9);
+  // The second number of that line: a factor until 2002, from 2019 on a code of how the file came about.
+  for (const auto& [head, most] :
+       std::map<std::string, double>{{"IESNA:LM-63-2002\n", 49.5}, {"IESNA91\n", 49.5}, {"", 49.5}, {"IES:LM-63-2019\r\n[TEST] 1\r\n", 45.0}})
+    for (const char* code : {"1.10000", "1.1"}) {
+      const auto p = read(head + "TILT=NONE\n1 -1 1 2 1 1 2 0 0 0\n0.9 " + code + " 50\n0 90\n0\n50 20\n");
+      ASSERT_TRUE(p.ok()) << head << p.status().toString();
+      EXPECT_NEAR(p->candela, most, 1e-9) << head;
+    }
+  const auto unsaid = read("IES:LM-63-2019\nTILT=NONE\n1 -1 1 2 1 1 2 0 0 0\n1 1.00001 50\n0 90\n0\n50 20\n");
+  ASSERT_TRUE(unsaid.ok()) << unsaid.status().toString();
+  EXPECT_EQ(unsaid->candela, 50.0);
   const auto tilted = read("TILT=INCLUDE\n1\n3\n0 45 90\n1 0.9 0.8\n1 1000 1 2 1 1 2 0 0 0\n1 1 50\n0 90\n0\n10 5\n");
   ASSERT_TRUE(tilted.ok()) << tilted.status().toString();
   EXPECT_EQ(tilted->candela, 10.0);

@@ -258,6 +258,22 @@ TEST(Rig, SealRefusesWhatPosingCouldNotUse) {
     r.sources[0].targets.resize(1);
     r.sources[0].targets[0].positions = Array<Vec3>(3);
   });
+  const auto withMesh = [&](const std::function<void(Mesh&)>& spoil) {
+    refused("sources/0", [&](Rig& r) {
+      auto mesh = std::make_shared<Mesh>(*r.meshes[0]);
+      spoil(*mesh);
+      sealMesh(*mesh);
+      r.meshes[0] = mesh;
+    });
+  };
+  for (const size_t n : {1, 3, 5}) {  // of four vertices
+    SCOPED_TRACE(n);
+    withMesh([&](Mesh& m) { m.normals = Array<Vec3>(n, Vec3(0, 0, 1)); });
+    withMesh([&](Mesh& m) { m.tangents = Array<Vec4>(n, Vec4(1, 0, 0, 1)); });
+    withMesh([&](Mesh& m) { m.colours = Array<Vec4>(n, Vec4(1)); });
+    for (int set = 0; set < kUvSets; ++set) withMesh([&](Mesh& m) { m.uv[size_t(set)] = Array<Vec2>(n, Vec2(0)); });
+  }
+  withMesh([](Mesh& m) { m.indices[5] = 4; });
   refused("followers/0", [](Rig& r) { r.followers.push_back({RigKind::Camera, 0, 0}); });
   const auto animate = [](Rig& r, RigSampler s) {
     RigAnimation a;

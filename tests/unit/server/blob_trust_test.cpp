@@ -3,6 +3,7 @@
 // else's. A load then costs time; it neither fails nor gives another scene.
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <sys/mount.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -14,6 +15,7 @@
 #include <random>
 #include <thread>
 
+#include "base/descriptor.h"
 #include "import/load.h"
 #include "plan/engine.h"
 #include "server/blob_cache.h"
@@ -122,6 +124,29 @@ TEST_F(BlobTrustTest, WhatWasCheckedIsNotCheckedAgainUntilTheFileChanges) {
   cache->remove(key);
   EXPECT_FALSE(found());
   EXPECT_TRUE(fs::is_empty(folder + "/cache")) << "its .used is left";
+}
+
+TEST_F(BlobTrustTest, UnfinishedBlobsOfDaemonsWithTheSameNumberStay) {
+  const std::string cache = folder + "/cache";
+  const auto mine = std::move(*BlobCache::open(cache, 1 << 30));
+  // As earlier builds name them, of a daemon in another container whose process has this one's number.
+  std::vector<std::pair<std::string, Descriptor>> theirs;
+  for (int i = 0; i < 256; ++i) {
+    const std::string path = cache + "/.tmp-" + std::to_string(::getpid()) + "-" + std::to_string(i);
+    theirs.emplace_back(path, Descriptor(::open(path.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC, 0600)));
+    ASSERT_EQ(::flock(theirs.back().second.get(), LOCK_EX | LOCK_NB), 0);
+  }
+  const auto another = std::move(*BlobCache::open(cache, 1 << 30));  // one that starts meanwhile
+  const BlobBytes blob = blobOf(*expected);
+  for (uint8_t i = 0; i < 3; ++i) {
+    auto temporary = mine->begin(), beside = another->begin();
+    ASSERT_TRUE(temporary.ok() && beside.ok()) << temporary.status().toString() << beside.status().toString();
+    ASSERT_EQ(::write((*temporary)->fd(), blob.bytes.data(), blob.bytes.size()), ssize_t(blob.bytes.size()));
+    ASSERT_TRUE(mine->commit(**temporary, BlobKey{i}).ok());
+    const auto found = another->find(BlobKey{i});
+    EXPECT_TRUE(found.ok() && *found) << int(i);
+  }
+  for (const auto& [path, fd] : theirs) EXPECT_TRUE(fs::exists(path)) << path;
 }
 
 TEST_F(BlobTrustTest, TheLeastRecentlyUsedGoesThoughUseDoesNotTouchTheBlob) {

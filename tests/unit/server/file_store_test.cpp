@@ -2,6 +2,7 @@
 // Files that clients put: whole or not at all, gone on with at every offset, each owner's his own, bounded, and nothing that is damaged is ever given out.
 #include "server/file_store.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/resource.h>
@@ -10,6 +11,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <thread>
 
 namespace gobo::file_store_test {
@@ -349,6 +351,79 @@ TEST_F(Files, AFullDiskLosesNothing) {
   EXPECT_EQ(read("small"), "small");
   EXPECT_TRUE(put(data, "", there).ok());
   EXPECT_EQ(read(data), data);
+}
+
+/// No descriptor can be had while it lives. Keep it short: the whole process has none.
+struct NoDescriptors {
+  rlimit old{};
+  NoDescriptors() {
+    EXPECT_EQ(::getrlimit(RLIMIT_NOFILE, &old), 0);
+    const int next = ::open("/dev/null", O_RDONLY | O_CLOEXEC);  // the lowest number that is free
+    ::close(next);
+    rlimit none = old;
+    none.rlim_cur = rlim_t(next);
+    EXPECT_EQ(::setrlimit(RLIMIT_NOFILE, &none), 0);
+  }
+  ~NoDescriptors() { ::setrlimit(RLIMIT_NOFILE, &old); }
+};
+
+TEST_F(Files, WithoutDescriptorsNothingIsLost) {
+  const std::string data(100000, 'x'), sky = "#?RADIANCE\nrest", small = "small";
+  ASSERT_TRUE(put(small).ok());
+  ASSERT_TRUE(put(sky).ok());
+  part(data, 0, 1000);
+  for (const bool checked : {false, true}) {
+    if (!checked) open();
+    std::string path;
+    Status tree, environment, goOn, anew, other;
+    {
+      const NoDescriptors none;
+      tree = store->tree("", {{"a.bin", hash(small)}}, "open.files").status();
+      environment = store->environment("", hash(sky), "request.environment.digest", path).status();
+      goOn = store->begin("", hash(data), data.size(), 1000).status();
+      anew = store->begin("", hash(data), data.size(), 0).status();
+      other = store->begin("", hash("other"), 5, 0).status();
+    }
+    for (const Status& status : {tree, environment, goOn, anew, other}) EXPECT_EQ(status.code(), Code::ResourceExhausted) << status.toString();
+    EXPECT_NE(tree.message().find(hash(small)), std::string::npos) << tree.message();
+    EXPECT_TRUE(has(small));
+    EXPECT_TRUE(has(sky));
+    EXPECT_EQ(store->received("", hash(data), data.size()), 1000u);
+    EXPECT_EQ(store->stats().parts, 1u) << "nothing of the other one";
+    EXPECT_EQ(store->stats().damaged, 0u);
+    EXPECT_EQ(read(small), small);
+    EXPECT_TRUE(store->environment("", hash(sky), "request.environment.digest", path).ok());
+  }
+  EXPECT_TRUE(put(data, "", 1000).ok());
+  EXPECT_EQ(read(data), data);
+}
+
+TEST_F(Files, AllThatAreMissingAreNamedAtOnce) {
+  std::map<std::string, std::string> files;
+  for (const char* data : {"one", "two", "three"}) {
+    ASSERT_TRUE(put(data).ok());
+    files[std::string(data) + ".bin"] = hash(data);
+  }
+  std::ofstream(onDisk("one"), std::ios::in | std::ios::out) << "X";
+  std::ofstream(onDisk("three"), std::ios::in | std::ios::out) << "X";
+  open();
+  const Status status = store->tree("", files, "open.files").status();
+  EXPECT_EQ(status.code(), Code::NotFound);
+  EXPECT_EQ(status.location(), "open.files");
+  EXPECT_NE(status.message().find("2 of 3"), std::string::npos) << status.message();
+  for (const char* data : {"one", "three"}) {
+    EXPECT_NE(status.message().find("open.files[\"" + std::string(data) + ".bin\"] = " + hash(data)), std::string::npos) << status.message();
+    EXPECT_EQ(store->received("", hash(data), std::string(data).size()), 0u) << data;
+  }
+  EXPECT_EQ(status.message().find(hash("two")), std::string::npos) << status.message();
+  EXPECT_TRUE(has("two"));
+  EXPECT_EQ(store->stats().damaged, 2u);
+  for (int i = 0; i < 30; ++i) files["more" + std::to_string(i)] = hash(std::to_string(i));
+  const std::string many = store->tree("", files, "open.files").status().message();
+  EXPECT_NE(many.find("32 of 33"), std::string::npos) << many;
+  size_t named = 0;
+  for (size_t at = 0; (at = many.find("open.files[", at)) != std::string::npos; ++at) ++named;
+  EXPECT_EQ(named, 20u) << many;
 }
 
 }  // namespace
