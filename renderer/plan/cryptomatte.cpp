@@ -18,7 +18,7 @@ inline namespace plan {
 
 namespace {
 
-constexpr uint32_t kFewestMatteSamples = 16, kMatteSamplesUnlessSaid = 64;
+constexpr uint32_t kFewestMatteSamples = 16;
 
 /// Of each instance: of its own name, or that of its material.
 std::vector<uint32_t> idsOfInstances(const Scene& scene, MatteOf of, const std::vector<std::string>& names) {
@@ -35,7 +35,7 @@ Result<OutputPlane> planCryptomatte(OutputContext& o, const std::string& output)
   const PathTracerSettings paths = pathTracerSettings(c, PathClass::Emission);
   CryptomatteSettings s;
   s.view = c.view();
-  s.samples = cryptomatteSamples(c.request(), c.share().of);
+  s.samples = cryptomatteSamples(c.passes(), c.share().of);
   s.share = c.share();
   s.viewSamples = paths.viewSamples;
   s.sampler = samplerOf(c.request().integrator());
@@ -46,6 +46,7 @@ Result<OutputPlane> planCryptomatte(OutputContext& o, const std::string& output)
     const std::vector<std::string> names = matteNames(*c.scene(), of);
     if (const std::string same = cryptomatteCollisions(names); !same.empty()) c.warn(asked + ": " + same);
     (of == MatteOf::Objects ? s.objects : s.materials) = idsOfInstances(*c.scene(), of, names);
+    (of == MatteOf::Objects ? s.ofObjects : s.ofMaterials) = true;
   }
   return OutputPlane{c.source(makeCryptomatteNode(std::move(s)), {}, {}, "cryptomatte", c.scene()), output == "cryptomatte_object" ? "object" : "material"};
 }
@@ -101,11 +102,12 @@ std::string cryptomatteCollisions(const std::vector<std::string>& names) {
   return all;
 }
 
-int cryptomatteSamples(const v1::RenderRequest& request, uint32_t slices) {
-  const uint64_t asked = request.halt().has_spp() ? uint64_t(samplesOf(passesFor(request.halt().spp()))) * slices : kMatteSamplesUnlessSaid;
-  const uint64_t all = std::clamp<uint64_t>(asked, kFewestMatteSamples, kMostCryptomatteSamples);
+int cryptomatteSamples(uint32_t passes, uint32_t slices) {
+  const uint64_t all = std::clamp<uint64_t>(uint64_t(samplesOf(passes)) * slices, kFewestMatteSamples, kMostCryptomatteSamples);
   return int((all + slices - 1) / slices);
 }
+
+bool cryptomatteTakesMore(uint32_t passes, uint32_t slices) { return uint64_t(samplesOf(passes)) * slices < kMostCryptomatteSamples; }
 
 Result<OutputPlane> planCryptomatteObject(OutputContext& o, const std::string& output, const std::string&) { return planCryptomatte(o, output); }
 Result<OutputPlane> planCryptomatteMaterial(OutputContext& o, const std::string& output, const std::string&) { return planCryptomatte(o, output); }

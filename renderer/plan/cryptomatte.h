@@ -28,9 +28,11 @@ std::map<std::string, std::string> cryptomatteAttributes(const std::string& laye
 /// "names 'a' and 'b' have one id": different names that no matte tells apart; empty: there are none.
 std::string cryptomatteCollisions(const std::vector<std::string>& names);
 
-/// Rays a pixel: those that halt.spp realises (64 where something else ends the render), at least 16 and at most 256; of a shutter's slice its share of them.
-/// `request`: of one moment.
-int cryptomatteSamples(const v1::RenderRequest& request, uint32_t slices);
+/// Rays a pixel of a picture of so many passes (trace/sample_passes.h): as many as its samples, at least 16 and at most 256; of a shutter's slice its share of
+/// them.
+int cryptomatteSamples(uint32_t passes, uint32_t slices);
+/// Whether a picture of more passes has mattes of more rays.
+bool cryptomatteTakesMore(uint32_t passes, uint32_t slices);
 
 }  // namespace plan
 }  // namespace gobo

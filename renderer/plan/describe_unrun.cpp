@@ -83,7 +83,9 @@ double aheadMs(const Plan& plan, Executor& executor) {
   double ms = 0;
   for (NodeId id = 0; id < plan.graph.size(); ++id) {
     const GraphNode& n = plan.graph.at(id);
-    const int made = first.makings[size_t(id)] > 0 ? first.makings[size_t(id)] : n.node->traits().persist ? all.makings[size_t(id)] : 0;
+    const NodeTraits traits = n.node->traits();
+    const bool table = traits.persist && !traits.extendable;  // what takes samples is the picture itself
+    const int made = first.makings[size_t(id)] > 0 ? first.makings[size_t(id)] : table ? all.makings[size_t(id)] : 0;
     if (made > 0) ms += made * all.ms(id);
   }
   return ms;

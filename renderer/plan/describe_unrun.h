@@ -19,7 +19,8 @@ bool samplesDecideAll(const Plan& plan);
 /// Milliseconds that running it now would take on an idle machine.
 double expectedMs(const Plan& plan, Executor& executor);
 
-/// Of those the ones for what comes before anything of the view: results that decide what is planned, and terms dear enough for the disk tier.
+/// Of those the ones for what comes before anything of the view: results that decide what is planned, and terms dear enough for the disk tier, but for sums of
+/// samples.
 double aheadMs(const Plan& plan, Executor& executor);
 
 /// Rows of what was left out of the plan, and why; of replies too.

@@ -217,7 +217,8 @@ struct Engine::Impl {
   Result<RenderResult> run(const PreparedRender& prepared, const RenderControl& control);
   Result<Expected> expect(const ScenePtr& scene, const v1::RenderRequest& resolved, const EnvironmentSource& environment, const StopToken& stop,
                           bool ahead = false);
-  Result<RenderResult> renderOnce(const ScenePtr& scene, const PreparedRender& prepared, const v1::RenderRequest& request, uint32_t spp,
+  /// Of `spp` samples. Fewer than `most` are a rung, which has no certificate, unless nothing takes more: that is the picture of `most` at once.
+  Result<RenderResult> renderOnce(const ScenePtr& scene, const PreparedRender& prepared, const v1::RenderRequest& request, uint32_t spp, uint32_t most,
                                   const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable);
   /// What `result` is worth when files under it may have broken meanwhile: they and what looks into them are dropped then.
   Status checked(const MappedGuard& guard, const Status& result);
@@ -321,6 +322,7 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
   const bool beauty = std::find(r.outputs().begin(), r.outputs().end(), "beauty") != r.outputs().end();
   if (r.has_certificate() && !beauty) return invalidArgument("request.certificate: needs output 'beauty'", "request.certificate");
   GOBO_TRY(resolveShutter(r, request, *scene));
+  resolveMotion(r, request);
   const std::string hash = scene->hash().hex();
   if (!r.scene_hash().empty() && r.scene_hash() != hash)
     return Status(Code::FailedPrecondition, "scene '" + r.scene() + "' has hash " + hash + ", the request wants " + r.scene_hash(), "request.scene_hash");
@@ -473,15 +475,17 @@ void warnOfPhotometricLights(const Plan& plan, RenderResult& result) {
 }  // namespace
 
 Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const PreparedRender& prepared, const v1::RenderRequest& request, uint32_t spp,
-                                              const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable) {
+                                              uint32_t most, const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable) {
   RenderResult result;
   GOBO_ASSIGN(result.view, options.displays->processor(request.encoding()));
   v1::RenderReply& reply = result.reply;
-  const uint32_t passes = passesFor(spp), realised = samplesOf(passes) * shutterSlices(request);
   std::map<NodeId, ExecutedNode> expanded;
   GOBO_ASSIGN(const std::unique_ptr<Plan> plan,
-              makePlan(scene, request, passes, plannerServices(request.scene(), control.stop, guard, prepared.environment, prepared.small, &expanded)));
+              makePlan(scene, request, passesFor(spp), plannerServices(request.scene(), control.stop, guard, prepared.environment, prepared.small, &expanded)));
   extendable = plan->extendable;
+  const bool rung = spp < most && extendable;
+  const bool certified = request.has_certificate() && !rung;  // one of what is only looked at would cost more than it
+  const uint32_t realised = samplesOf(passesFor(rung ? spp : most)) * shutterSlices(request);
 
   std::mutex progressMutex;
   std::function<void(const std::string&, double)> progress;
@@ -509,7 +513,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const Prepa
   fillReports(*plan, executor, expanded, reply);
   for (auto& row : *reply.mutable_plan())
     if (row.samples()) row.set_samples(samplesOf(row.samples()));
-  if (request.has_certificate()) {
+  if (certified) {
     for (const RenderedImage& image : result.images) {
       if (image.output != "beauty") continue;
       GOBO_ASSIGN(*reply.mutable_certificate(), certifyPicture(image.image(), plan->effective, request, accels, arenaOf(prepared.small), control.stop));
@@ -519,10 +523,12 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const Prepa
   // The realised sample count replaces whatever ended the render: sent again, it gives the same bits.
   reply.mutable_resolved()->clear_halt();
   reply.mutable_resolved()->mutable_halt()->set_spp(realised);
+  if (!certified) reply.mutable_resolved()->clear_certificate();
   reply.set_request_hash(requestHash(reply.resolved()));
   reply.set_seed(request.seed());
   reply.set_build(buildVersion());
-  for (const std::string& w : plan->warnings) reply.add_warnings(w);
+  for (const std::string& w : plan->warnings)
+    if (certified || !w.starts_with("request.certificate")) reply.add_warnings(w);
   for (const RenderedImage& image : result.images) {
     if (const std::string warning = droppedWarning(image.output, image.dropped()); !warning.empty()) reply.add_warnings(warning);
   }
@@ -615,10 +621,10 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
   const bool watched = bool(control.snapshot);
   ErrorFloor floor;
   bool extendable = false;
-  const auto once = [&](const v1::RenderRequest& asked, uint32_t samples, const RenderControl& how) -> Result<RenderResult> {
+  const auto once = [&](const v1::RenderRequest& asked, uint32_t samples, uint32_t of, const RenderControl& how) -> Result<RenderResult> {
     MappedGuard guard(*scene, request.scene());
     GOBO_TRY(checked(guard, {}));  // of no use to begin with
-    Result<RenderResult> result = renderOnce(scene, prepared, asked, samples, how, start, guard, extendable);
+    Result<RenderResult> result = renderOnce(scene, prepared, asked, samples, of, how, start, guard, extendable);
     if (const Status status = checked(guard, result.ok() ? Status() : result.status()); !status.ok()) result = status;
     if (result.ok() && leavesExposure(request, resolved)) setExposure(*result);
     return result;
@@ -646,7 +652,7 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
         if (expected.ms > kRungMs) small = plain;
       }
       const auto begun = Clock::now();
-      GOBO_ASSIGN(RenderResult picture, once(*small, 1, how));
+      GOBO_ASSIGN(RenderResult picture, once(*small, 1, 1, how));
       if (picture.reply.rays() > 0) pace.took(resolved.scene_hash(), uint64_t(small->width()) * small->height(), msSince(begun));  // else it was there
       show(picture);
     }
@@ -658,15 +664,13 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
   uint32_t spp = (ladder || halt.has_time_s()) && !certain ? 1 : open || watched ? std::min(most, kBlockSamples) : most;
   spp = std::max(spp, std::min(was.spp, most));
   RenderControl how = control;
-  v1::RenderRequest uncertain = resolved;  // a certificate of what is only looked at would cost more than it
-  uncertain.clear_certificate();
   const double timeMs = halt.time_s() * 1e3 - std::min(control.afterwardsMs, 0.5 * halt.time_s() * 1e3);
   NoiseOfPicture noise;
   std::optional<RenderResult> before;
   uint32_t had = 0;
   while (true) {
     const auto begun = Clock::now();
-    Result<RenderResult> made = once(!open && spp < most ? uncertain : resolved, spp, how);
+    Result<RenderResult> made = once(resolved, spp, open ? spp : most, how);
     if (!made.ok() && before && how.stop.reason() == StopReason::TimeUp) return finished(*before);  // what it was at is dropped
     GOBO_TRY(made.status());
     if (control.soFar) control.soFar->spp = spp;
@@ -706,8 +710,8 @@ Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relig
                     "render_id");
   v1::RenderRequest base = std::move(*known);
   base.clear_scene_hash();  // a relight is of the scene as it is now
-  // A shutter's request still has its curves (request/shutter.h), and any one the expressions that vary from place to place: what is given now is not what they
-  // say of it.
+  // A request with a shutter or output `motion` still has curves (request/shutter.h), and any one the expressions that vary from place to place: what is given
+  // now is not what they say of it.
   const auto within = [](const std::string& path, const std::string& group) {
     return path.starts_with(group) && path.size() > group.size() && (path[group.size()] == '.' || path[group.size()] == '[');
   };

@@ -39,9 +39,11 @@ struct RejectionNode {
   NodePtr node;
   bool picture = false;  // it reads the rest of the picture too, for its white
   const char* approximate = "";
+  uint64_t bytes = 0;  ///< it holds beside what all methods do
 };
 
-RejectionNode rejectionNode(const v1::OutlierRejection& o, int width, int height, int first) {
+/// samples: of a pixel.
+RejectionNode rejectionNode(const v1::OutlierRejection& o, int width, int height, uint64_t samples, int first) {
   const float white = float(o.white());
   switch (o.method_case()) {
     case v1::OutlierRejection::kReweighting: {
@@ -49,7 +51,10 @@ RejectionNode rejectionNode(const v1::OutlierRejection& o, int width, int height
       s.start = white;
       s.base = float(o.reweighting().base());
       s.enough = float(o.reweighting().enough());
-      return {outliers::makeReweightedMeanNode(s, width, height, first), !(white > 0), "bright samples without others of their brightness around count less"};
+      outliers::Reweighting most = s;  // of whatever white
+      if (!(white > 0)) most.start = float(kLeastOutlierWhite);
+      return {outliers::makeReweightedMeanNode(s, width, height, first), !(white > 0), "bright samples without others of their brightness around count less",
+              outliers::reweightingBytes(width, height, samples, most)};
     }
     case v1::OutlierRejection::kMedianOfMeans:
       return {outliers::makeMedianOfMeansNode(int(o.median_of_means().buckets()), width, height, first), false,
@@ -108,7 +113,7 @@ std::vector<Contribution> withoutOutliers(PlanContext& c, std::span<const Contri
     const TracedPaths& t = *j.traced;
     const NodePtr source = pathdensity::makePathSamplesNode({t.settings, j.weights, t.streams, c.view()});
     std::vector<NodeId> inputs{c.graph().add({source, {}, t.lights, label + " samples of " + t.label, passes, t.scene})};
-    RejectionNode rejection = rejectionNode(settings, width, height, int(first));
+    RejectionNode rejection = rejectionNode(settings, width, height, samplesOf(passes), int(first));
     if (rejection.picture) {
       std::vector<Contribution> rest;
       for (const Contribution& k : c.contributions())
@@ -117,7 +122,7 @@ std::vector<Contribution> withoutOutliers(PlanContext& c, std::span<const Contri
     }
     GraphNode n{std::move(rejection.node), std::move(inputs), {}, label + " " + t.label + " without outliers"};
     n.approximate = rejection.approximate;
-    c.reserve(kWorkingBytesOfSample * samples + kWorkingBytesOfPixel * pixels);
+    c.reserve(kWorkingBytesOfSample * samples + kWorkingBytesOfPixel * pixels + rejection.bytes);
     Contribution kept{c.graph().add(std::move(n)), "rgb"};
     kept.paths = j.paths;
     kept.state = j.state;  // what it was traced as

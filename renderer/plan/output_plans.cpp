@@ -15,6 +15,8 @@
 #include "plan/denoised.h"
 #include "plan/denoised_slices.h"
 #include "plan/filtered_light.h"
+#include "request/curves.h"
+#include "request/expressions.h"
 #include "techniques/direct_visibility/filtered.h"
 #include "techniques/direct_visibility/visibility.h"
 #include "terms/ids.h"
@@ -133,9 +135,14 @@ Result<OutputPlane> planMaterialId(OutputContext& o, const std::string& output, 
 Result<OutputPlane> planMotion(OutputContext& o, const std::string&, const std::string&) {
   PlanContext& c = o.plan;
   MotionSettings s{c.view(), c.scene(), c.view().camera};
-  if (c.request().has_time_s()) {  // only animation moves: without a time the scene rests
-    v1::RenderRequest earlier = c.request();
+  if (c.request().has_time_s() || !c.request().curves().empty() || expressionsMove(c.request())) {
+    v1::RenderRequest earlier = c.request();  // its messages are there, with their defaults: the same curves were applied to it
     earlier.set_time_s(c.request().time_s() - c.request().motion_step_s());
+    GOBO_TRY(applyCurves(earlier));
+    v1::RenderRequest byFormulas = earlier;
+    if (const Status valid = applyExpressions(byFormulas); valid.ok()) earlier = std::move(byFormulas);
+    else c.warn("motion: what request.expressions move counts as at rest: " + valid.message());  // sqrt(time) on the first frame
+    if (!c.request().has_time_s()) earlier.clear_time_s();                                       // without a time the scene's own animation rests
     GOBO_ASSIGN(const EffectiveScene before, makeEffectiveScene(o.base, earlier, o.services.loadEnvironment, o.services.poseScene, o.services.stop));
     s.earlierScene = before.scene;
     s.earlierCamera = before.camera;

@@ -225,8 +225,18 @@ uint64_t SceneLibrary::sceneBytesHeld() const {
 }
 
 void SceneLibrary::noteGone(const std::string& id, const Entry& entry, const char* why) {
-  gone_.push_back({id, why, entry.owner, {entry.share.begin(), entry.share.end()}});
-  if (gone_.size() > 1000) gone_.pop_front();
+  gone_.push_back({id, why, entry.owner, {entry.share.begin(), entry.share.end()}, isBuiltin(id) && (entry.patched || entry.source != id)});
+  if (gone_.size() <= 1000) return;
+  // Of changed built-ins there is one a name at most, and who asks for it must not get the unchanged one.
+  gone_.erase(std::find_if(gone_.begin(), gone_.end(), [](const Gone& g) { return !g.changedBuiltin; }));
+}
+
+bool SceneLibrary::isGoneForGood(const std::string& id) const {
+  return std::any_of(gone_.begin(), gone_.end(), [&](const Gone& g) { return g.changedBuiltin && g.id == id; });
+}
+
+void SceneLibrary::forgetGone(const std::string& id) {
+  std::erase_if(gone_, [&](const Gone& g) { return g.id == id; });
 }
 
 // The owner that has most gives first: whoever loads much makes room for himself.
@@ -288,6 +298,7 @@ Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& so
   const uint64_t replaced = old == scenes_.end() ? 0 : old->second.bytes;
   if (old != scenes_.end()) freed.push_back(old->second.scene);
   GOBO_TRY(makeRoom(bytes > replaced ? bytes - replaced : 0, id, freed));
+  forgetGone(id);
   Entry& e = scenes_[id];
   std::swap(e.holds, holds);  // those of a scene that it replaces go after the lock
   e = {scene->scene, source, ms, scene->report, access.caller, share, ++clock_, bytes, e.holds};
@@ -300,7 +311,10 @@ Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string 
   const auto start = std::chrono::steady_clock::now();
   if (isBuiltin(source)) {
     // Under its own name a built-in is everybody's.
-    if (!access.all && (id.empty() || id == source)) return inspect(source, access);
+    if (!access.all && (id.empty() || id == source)) {
+      GOBO_TRY(find(source, stop, access, true).status().at("scene"));
+      return inspect(source, access);
+    }
     GOBO_ASSIGN(ScenePtr scene, makeBuiltinScene(source, stop));
     return insert(id.empty() ? source : id, source, LoadedScene{std::move(scene), {}}, msSince(start), stop,
                   id.empty() || id == source ? SceneAccess{} : access, share);
@@ -329,6 +343,7 @@ Status SceneLibrary::unknown(const std::string& id, const SceneAccess& access) c
   std::set<std::string> known(builtinSceneNames().begin(), builtinSceneNames().end());
   for (const auto& [name, entry] : scenes_)
     if (access.uses(entry.owner, entry.share)) known.insert(name);
+  if (isGoneForGood(id)) known.erase(id);
   std::string names;
   for (const std::string& name : known) names += (names.empty() ? "" : ", ") + name;
   const std::string meant = didYouMean(id, {known.begin(), known.end()});
@@ -337,7 +352,7 @@ Status SceneLibrary::unknown(const std::string& id, const SceneAccess& access) c
                   "request.scene");
 }
 
-Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop, const SceneAccess& access) {
+Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop, const SceneAccess& access, bool again) {
   if (id.empty()) return invalidArgument("must not be empty", "request.scene");
   {
     std::lock_guard lock(mutex_);
@@ -347,7 +362,7 @@ Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop
       it->second.used = ++clock_;
       return it->second.scene;
     }
-    if (!isBuiltin(id)) return unknown(id, access);
+    if (!isBuiltin(id) || (!again && isGoneForGood(id))) return unknown(id, access);
   }
   const auto start = std::chrono::steady_clock::now();
   GOBO_ASSIGN(const ScenePtr scene, makeBuiltinScene(id, stop));
@@ -356,7 +371,9 @@ Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop
   Freed freed;
   std::lock_guard lock(mutex_);  // one that another caller has opened (and may have patched) meanwhile stays
   if (const auto it = scenes_.find(id); it != scenes_.end()) return it->second.scene;
+  if (!again && isGoneForGood(id)) return unknown(id, access);  // or it went since
   GOBO_TRY(makeRoom(bytes, id, freed));
+  forgetGone(id);
   return scenes_.try_emplace(id, Entry{.scene = scene, .source = id, .loadMs = msSince(start), .used = ++clock_, .bytes = bytes}).first->second.scene;
 }
 
@@ -403,6 +420,7 @@ Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p, const 
     at->second.scene = next;
     at->second.used = ++clock_;
     at->second.bytes = bytes;
+    at->second.patched = true;
     return info(p.scene(), at->second);
   }
 }

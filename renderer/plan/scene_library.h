@@ -44,9 +44,9 @@ class SceneLibrary {
   /// A built-in or a file, without an id; `trusted`: wherever the file is.
   Result<ScenePtr> load(const std::string& source, bool trusted) const;
   Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
-  /// By id; a built-in name that is not loaded yet is opened. Errors: NotFound that lists what there is, also for what the caller may not
-  /// use; Cancelled.
-  Result<ScenePtr> find(const std::string& id, const StopToken& stop = {}, const SceneAccess& access = {});
+  /// By id; a built-in name that is not loaded yet is opened, unless something else had that name (a patched one, another source) and was unloaded without
+  /// being asked to: nobody gets another scene than he left. Errors: NotFound that lists what there is, also for what the caller may not use; Cancelled.
+  Result<ScenePtr> find(const std::string& id, const StopToken& stop = {}, const SceneAccess& access = {}) { return find(id, stop, access, false); }
   Result<v1::SceneInfo> inspect(const std::string& id, const SceneAccess& access = {});
   std::vector<v1::SceneInfo> list(const SceneAccess& access = {}) const;
   /// On top of whatever the id stands for when it is done: of patches at the same time none is lost. An id that was unloaded
@@ -81,6 +81,7 @@ class SceneLibrary {
     uint64_t used = 0;                       ///< clock_ of the last use
     uint64_t bytes = 0;                      ///< of the scene
     std::shared_ptr<const void> holds = {};  ///< what must stay as long as it is loaded
+    bool patched = false;
   };
   struct Map {
     EnvironmentPtr map;
@@ -90,6 +91,8 @@ class SceneLibrary {
   using Entries = std::map<std::string, Entry>;
   Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop,
                                const SceneAccess& access, const std::vector<std::string>& share, std::shared_ptr<const void> holds = nullptr);
+  /// `again`: whoever asks opens it, whatever it was before.
+  Result<ScenePtr> find(const std::string& id, const StopToken& stop, const SceneAccess& access, bool again);
   /// Of memory, or nothing; and what was loaded into it.
   EnvironmentPtr keptEnvironment(const std::string& key);
   Status keepEnvironment(const std::string& key, const EnvironmentPtr& loaded);
@@ -113,9 +116,12 @@ class SceneLibrary {
   struct Gone {
     std::string id, why, owner;
     std::vector<std::string> share;  // to whom else it was there
+    bool changedBuiltin = false;     // a built-in of this name is another scene
   };
-  void noteGone(const std::string& id, const Entry& entry, const char* why);  ///< under mutex_
-  std::deque<Gone> gone_;                                                     ///< ids that were unloaded without being asked to, the latest last
+  void noteGone(const std::string& id, const Entry& entry, const char* why);  ///< under mutex_, as the next two
+  bool isGoneForGood(const std::string& id) const;                            ///< a built-in name that is not made again unless it is opened
+  void forgetGone(const std::string& id);
+  std::deque<Gone> gone_;  ///< ids that were unloaded without being asked to and not opened since, the latest last
   uint64_t clock_ = 0;
   std::map<std::string, Map> environments_;  ///< by canonical path + settled file stamp, or "sha256:" + digest
 };

@@ -2,8 +2,12 @@
 #include "request/mesh_edits.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
+#include <optional>
 #include <sstream>
+#include <tuple>
 
 #include "base/closest.h"
 #include "request/request.h"
@@ -17,8 +21,14 @@ namespace {
 
 constexpr const char* kEveryObject = "*";
 constexpr double kHidden = 1e-6;  // m
-/// Passes times triangles of a request, some minutes of a busy core: scenes are made before requests are admitted.
+constexpr size_t kObjectPoll = 1024;
+// Scenes are made before requests are admitted, so what an edit may cost is bounded here.
+/// Passes of smoothing times triangles of a request, some minutes of a busy core.
 constexpr uint64_t kMostTrianglePasses = 1'000'000'000;
+/// What an edit takes beside them (weld, clusters, normals: 6 us a triangle and more), in passes (0.16 us).
+constexpr uint64_t kPassesOfOthers = 40;
+/// Of the arrays of new meshes.
+constexpr uint64_t kMostEditedBytes = 1ull << 30;
 
 std::string editPlace(const std::string& name) { return "request.meshes." + name; }
 
@@ -71,31 +81,95 @@ Status emptied(const FilteredMesh& got, const MeshFilter& f, const std::string& 
   return invalidArgument(text.str(), place + (got.end == FilteredMesh::End::Beyond ? ".inflate" : clustered ? ".cluster" : ".smooth"));
 }
 
-/// Results of one request, so that instances of a mesh share them.
-struct EditedMesh {
-  MeshPtr from;
+/// An edit of a mesh, which the objects of that mesh and scale share.
+struct WantedEdit {
+  const std::string* name;  ///< of the request's edit
   MeshFilter filter;
-  bool everyObject;
+  size_t object;  ///< the first one
+};
+struct EditedMesh {
   MeshPtr to;
   bool unsimplified;
 };
 
-bool sameFilter(const MeshFilter& a, const MeshFilter& b) {
-  return a.cluster == b.cluster && a.smooth == b.smooth && a.smoothing == b.smoothing && a.step == b.step && a.inflate == b.inflate && a.stretch == b.stretch;
+/// Equal ones have one result.
+using EditKey = std::tuple<const Mesh*, bool, double, uint32_t, MeshSmoothing, double, double, std::array<double, 9>>;
+EditKey editKey(const Mesh* mesh, bool everyObject, const MeshFilter& f) {
+  std::array<double, 9> stretch;
+  for (int k = 0; k < 9; ++k) stretch[size_t(k)] = f.stretch[k / 3][k % 3];
+  return {mesh, everyObject, f.cluster, f.smooth, f.smoothing, f.step, f.inflate, stretch};
 }
 
-Result<EditedMesh> editedMesh(const Instance& object, const MeshPtr& mesh, const MeshFilter& filter, const std::string& name, const StopToken& stop) {
-  EditedMesh out{mesh, filter, name == kEveryObject, mesh, false};
+uint64_t passesOfSmoothing(const MeshFilter& f) { return f.step > 0.0 ? f.smooth : 0; }
+
+/// The field that costs the most.
+std::string dearestField(const MeshFilter& f) {
+  const uint64_t passes = passesOfSmoothing(f);
+  if (passes > kPassesOfOthers || (f.cluster == 0.0 && f.inflate == 0.0)) return "smooth";
+  return f.cluster > 0.0 ? "cluster" : "inflate";
+}
+/// ".inflate = 0.1"
+std::string dearestSetting(const MeshFilter& f) {
+  const std::string field = dearestField(f);
+  std::ostringstream text;
+  text << "." << field << " = ";
+  if (field == "smooth") text << f.smooth;
+  else text << (field == "cluster" ? f.cluster : f.inflate);
+  return text.str();
+}
+
+/// Of arrays that the edited mesh does not share with the given one: a clustered one has none of those, and at most as much.
+uint64_t editedBytes(const Mesh& m, const MeshFilter& f) {
+  uint64_t bytes = sizeof(Mesh) + m.positions.size() * sizeof(Vec3) + m.normals.size() * sizeof(Vec3) + m.tangents.size() * sizeof(Vec4);
+  if (f.cluster == 0.0) return bytes;
+  bytes += m.indices.size() * sizeof(uint32_t) + m.colours.size() * sizeof(Vec4);
+  for (const Array<Vec2>& set : m.uv) bytes += set.size() * sizeof(Vec2);
+  return bytes;
+}
+
+/// The longest that an object of this extent along the mesh's axes may be in metres.
+double mostLength(const DVec3& extent, const glm::dmat3& stretch) {
+  DVec3 most(0.0);
+  for (int axis = 0; axis < 3; ++axis) most += glm::abs(stretch[axis]) * extent[axis];
+  return glm::length(most);
+}
+
+/// What all edits of a request cost, before any is made.
+class EditCosts {
+ public:
+  Status add(const Mesh& mesh, const std::string& name, const MeshFilter& f) {
+    ++meshes_;
+    passes_ += (passesOfSmoothing(f) + kPassesOfOthers) * mesh.triangles();
+    bytes_ += editedBytes(mesh, f);
+    if (passes_ <= kMostTrianglePasses && bytes_ <= kMostEditedBytes) return {};
+    const std::string setting = editPlace(name) + dearestSetting(f), location = editPlace(name) + "." + dearestField(f);
+    std::ostringstream text;
+    text << setting << ": with it " << meshes_ << (meshes_ == 1 ? " mesh" : " meshes") << " (objects of other scales have others) would be made of ";
+    if (passes_ > kMostTrianglePasses) {
+      text << passes_ << " triangles, each counted once a pass of `smooth` and " << kPassesOfOthers << " times for the rest; at most " << kMostTrianglePasses;
+      return invalidArgument(text.str(), location);
+    }
+    text << (bytes_ >> 20) << " MiB; at most " << (kMostEditedBytes >> 20) << " MiB";
+    return {Code::ResourceExhausted, text.str(), location};
+  }
+
+ private:
+  uint64_t meshes_ = 0, passes_ = 0, bytes_ = 0;
+};
+
+Result<EditedMesh> editedMesh(const Instance& object, const MeshPtr& mesh, const WantedEdit& wanted, const StopToken& stop) {
+  const MeshFilter& filter = wanted.filter;
+  EditedMesh out{mesh, false};
   const DVec3 size = extentOf(*mesh, filter.stretch);
   if (!(glm::length(size) >= kHidden)) return out;
   MeshFilter f = filter;
   GOBO_ASSIGN(FilteredMesh got, filterMesh(mesh, f, stop));
-  if (got.end == FilteredMesh::End::Clustered && out.everyObject) {
+  if (got.end == FilteredMesh::End::Clustered && *wanted.name == kEveryObject) {
     f.cluster = 0.0;
     out.unsimplified = true;
     GOBO_ASSIGN(got, filterMesh(mesh, f, stop));
   }
-  if (got.end != FilteredMesh::End::Made) return emptied(got, f, editPlace(name), object.name, size);
+  if (got.end != FilteredMesh::End::Made) return emptied(got, f, editPlace(*wanted.name), object.name, size);
   out.to = got.mesh;
   return out;
 }
@@ -119,35 +193,51 @@ Result<ScenePtr> withMeshEdits(const ScenePtr& scene, const v1::RenderRequest& r
     GOBO_ASSIGN(filters[name], filterOf(request.meshes().at(name), editPlace(name)));
   }
 
+  // First what is to be done, then what it costs: a refusal costs nothing.
   const size_t objects = scene->instances.size();
-  std::vector<EditedMesh> made;
-  std::vector<MeshPtr> meshOf(objects);
-  std::string unsimplified;
-  bool changed = false;
-  uint64_t work = 0;
+  constexpr size_t kNone = ~size_t(0);
+  std::vector<size_t> editOf(objects, kNone);  // in `wanted`
+  std::vector<WantedEdit> wanted;
+  std::map<EditKey, size_t> known;
+  std::vector<std::optional<DVec3>> extents(scene->meshes.size());
+  EditCosts costs;
   for (size_t i = 0; i < objects; ++i) {
+    if (i % kObjectPoll == 0 && stop.stopRequested()) return Status(Code::Cancelled, "stopped");
     const Instance& object = scene->instances[i];
-    const MeshPtr& mesh = meshOf[i] = scene->meshes[size_t(object.mesh)];
     auto at = filters.find(object.name);
     if (at == filters.end()) at = filters.find(kEveryObject);
     if (at == filters.end() || at->second.identity()) continue;
+    const MeshPtr& mesh = scene->meshes[size_t(object.mesh)];
     MeshFilter filter = at->second;
     filter.stretch = stretchOf(object.toWorld);
-    const bool every = at->first == kEveryObject;
-    auto known =
-        std::find_if(made.begin(), made.end(), [&](const EditedMesh& m) { return m.from == mesh && m.everyObject == every && sameFilter(m.filter, filter); });
-    if (known == made.end()) {
-      work += uint64_t(filter.smooth) * mesh->triangles();
-      if (work > kMostTrianglePasses)
-        return invalidArgument(editPlace(at->first) + ".smooth = " + std::to_string(filter.smooth) + ": with it " + std::to_string(work) +
-                                   " triangles would be smoothed, counted once a pass; at most " + std::to_string(kMostTrianglePasses),
-                               editPlace(at->first) + ".smooth");
-      GOBO_ASSIGN(EditedMesh one, editedMesh(object, mesh, filter, at->first, stop));
-      known = made.insert(made.end(), std::move(one));
+    std::optional<DVec3>& extent = extents[size_t(object.mesh)];
+    if (!extent) extent = extentOf(*mesh, glm::dmat3(1.0));
+    if (!(mostLength(*extent, filter.stretch) >= kHidden)) continue;
+    const auto [edit, fresh] = known.try_emplace(editKey(mesh.get(), at->first == kEveryObject, filter), wanted.size());
+    if (fresh) {
+      GOBO_TRY(costs.add(*mesh, at->first, filter));
+      wanted.push_back({&at->first, filter, i});
     }
-    meshOf[i] = known->to;
-    changed = changed || known->to != scene->meshes[size_t(object.mesh)];
-    if (known->unsimplified) unsimplified += (unsimplified.empty() ? "" : ", ") + object.name;
+    editOf[i] = edit->second;
+  }
+  std::vector<EditedMesh> made;
+  for (const WantedEdit& w : wanted) {
+    const Instance& object = scene->instances[w.object];
+    GOBO_ASSIGN(EditedMesh one, editedMesh(object, scene->meshes[size_t(object.mesh)], w, stop));
+    made.push_back(std::move(one));
+  }
+
+  std::vector<MeshPtr> meshOf(objects);
+  std::string unsimplified;
+  bool changed = false;
+  for (size_t i = 0; i < objects; ++i) {
+    const MeshPtr& mesh = scene->meshes[size_t(scene->instances[i].mesh)];
+    meshOf[i] = mesh;
+    if (editOf[i] == kNone) continue;
+    const EditedMesh& edit = made[editOf[i]];
+    changed = changed || edit.to != mesh;
+    meshOf[i] = edit.to;
+    if (edit.unsimplified) unsimplified += (unsimplified.empty() ? "" : ", ") + scene->instances[i].name;
   }
   if (!changed && unsimplified.empty()) return scene;
 
@@ -160,6 +250,7 @@ Result<ScenePtr> withMeshEdits(const ScenePtr& scene, const v1::RenderRequest& r
       if (!mesh) mesh = meshOf[i];
       if (mesh != meshOf[i]) apart[size_t(s.instances[i].mesh)] = 1;
     }
+    std::map<const Mesh*, int> atEnd;
     for (size_t i = 0; i < objects; ++i) {
       int& mesh = s.instances[i].mesh;
       if (meshOf[i] == scene->meshes[size_t(mesh)]) continue;
@@ -167,9 +258,9 @@ Result<ScenePtr> withMeshEdits(const ScenePtr& scene, const v1::RenderRequest& r
         s.meshes[size_t(mesh)] = meshOf[i];
         continue;
       }
-      const auto begin = s.meshes.begin() + std::ptrdiff_t(common.size()), there = std::find(begin, s.meshes.end(), meshOf[i]);
-      mesh = int(there - s.meshes.begin());
-      if (there == s.meshes.end()) s.meshes.push_back(meshOf[i]);
+      const auto [there, fresh] = atEnd.try_emplace(meshOf[i].get(), int(s.meshes.size()));
+      if (fresh) s.meshes.push_back(meshOf[i]);
+      mesh = there->second;
     }
     if (!unsimplified.empty()) {
       std::ostringstream text;

@@ -17,7 +17,8 @@ Hash128 meshEditsHash(const v1::RenderRequest& request);
 /// animations hide so, stay as they are.
 /// What '*' would simplify away stays unsimplified, with a line in the new scene's warnings (after those of `scene`).
 /// Errors name the field: NotFound, no such object; InvalidArgument: a Taubin step above kLargestTaubinStep, an edit by name that leaves nothing of its
-/// object or moves a vertex beyond 1e9 m, more than 1e9 triangles times passes of smoothing. Cancelled soon after `stop`.
+/// object or moves a vertex beyond 1e9 m, more than 1e9 triangles of new meshes times passes of smoothing and 40; ResourceExhausted: new meshes of more than
+/// 1 GiB. The last two are found before any is made. Cancelled soon after `stop`.
 Result<ScenePtr> withMeshEdits(const ScenePtr& scene, const v1::RenderRequest& request, const StopToken& stop = {});
 
 }  // namespace request

@@ -21,6 +21,9 @@ constexpr uint64_t kMostSpp = 1u << 20;  // of halt.spp in the proto
 /// Of the picture that is shown, or of the shutter: at the moment when it opens.
 bool ofTheOpening(std::string_view path) { return path.starts_with("tone_map.") || path.starts_with("camera.shutter_"); }
 
+/// Moves what is seen on the screen.
+bool movesOnScreen(std::string_view path) { return (path.starts_with("camera.") || path.starts_with("meshes.")) && !ofTheOpening(path); }
+
 /// First-hit outputs and those of shadows that are of one moment: ids and places have no mean, and a mean over what is hit is none of means.
 bool hasMean(std::string_view output) {
   constexpr std::string_view first[] = {
@@ -50,9 +53,9 @@ uint32_t shutterSlices(const v1::RenderRequest& resolved) {
 }
 
 bool mayHaveLens(const v1::RenderRequest& request) {
-  return request.camera().has_f_number() || request.camera().lens_radius() > 0.0 || request.curves().contains("camera.lens_radius") ||
-         request.curves().contains("camera.f_number") || request.expressions().contains("camera.lens_radius") ||
-         request.expressions().contains("camera.f_number");
+  if (request.camera().has_f_number() || request.camera().lens_radius() > 0.0) return true;
+  return hasShutter(request) && (request.curves().contains("camera.lens_radius") || request.curves().contains("camera.f_number") ||
+                                 request.expressions().contains("camera.lens_radius") || request.expressions().contains("camera.f_number"));
 }
 
 bool mayMove(const Scene& scene, const v1::RenderRequest& request) {
@@ -80,6 +83,14 @@ Status resolveShutter(v1::RenderRequest& request, const v1::RenderRequest& asked
     }
   }
   return {};
+}
+
+void resolveMotion(v1::RenderRequest& request, const v1::RenderRequest& asked) {
+  if (std::find(request.outputs().begin(), request.outputs().end(), "motion") == request.outputs().end()) return;
+  for (const auto& [path, curve] : asked.curves())
+    if (movesOnScreen(path)) (*request.mutable_curves())[path] = curve;
+  for (const auto& [path, expression] : asked.expressions())
+    if (movesOnScreen(path)) (*request.mutable_expressions())[path] = expression;
 }
 
 uint64_t sliceSeed(uint64_t seed, uint32_t slice, uint32_t slices) { return slices == 1 ? seed : hash64(mix64(seed ^ 0x5348555454455231ull), slice); }

@@ -22,12 +22,16 @@ constexpr uint32_t samplesOfSlice(uint32_t samples, uint32_t slices) { return sa
 /// Whether time changes anything of the scene: it has an animation, or the request has curves, or expressions that read it.
 bool mayMove(const Scene& scene, const v1::RenderRequest& request);
 
-/// Whether the camera has a lens at any time: curves may open it.
+/// Whether the camera has a lens at any time of the picture: curves may open it while the shutter is open.
 bool mayHaveLens(const v1::RenderRequest& request);
 
 /// Of a request whose curves and expressions have been applied, and are gone: its slices are said, and what changes from slice to slice of those that were
 /// `asked` for is there again. Refuses what is of one moment (InvalidArgument), where the scene may move.
 Status resolveShutter(v1::RenderRequest& request, const v1::RenderRequest& asked, const Scene& scene);
+
+/// Of a request whose curves and expressions have been applied, and are gone: where output `motion` is asked for, those of `asked` that move camera or meshes
+/// are there again, for they say where things were before.
+void resolveMotion(v1::RenderRequest& request, const v1::RenderRequest& asked);
 
 /// Numbers of a slice that have nothing to do with those of another slice or seed, for all but traced paths: these share the picture's own
 /// (trace/sample_passes.h). The only slice has the picture's own.

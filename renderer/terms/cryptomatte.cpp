@@ -5,6 +5,7 @@
 #include <array>
 #include <bit>
 #include <cstdio>
+#include <utility>
 
 #include "base/check.h"
 #include "base/disk.h"
@@ -86,11 +87,13 @@ class CryptomatteNode final : public Node {
     hashView(h, s_.view);
     s_.view.place.hash(h);
     h.add(s_.samples).add(s_.share.index).add(s_.share.of).add(s_.viewSamples).add(s_.sampler).add(s_.seed).addArray(s_.objects).addArray(s_.materials);
+    if (hasObjects() && s_.objects.empty()) h.add("objects");  // ids say for themselves that they are there
+    if (hasMaterials() && s_.materials.empty()) h.add("materials");
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     std::vector<PlaneShape> planes;
-    if (!s_.objects.empty()) planes.push_back(unsetPlane<float>("object", kCryptomatteChannels));
-    if (!s_.materials.empty()) planes.push_back(unsetPlane<float>("material", kCryptomatteChannels));
+    if (hasObjects()) planes.push_back(unsetPlane<float>("object", kCryptomatteChannels));
+    if (hasMaterials()) planes.push_back(unsetPlane<float>("material", kCryptomatteChannels));
     return Wiring(type(), in, 0).gives({"pixels", Domain::Pixel, {s_.view.width, s_.view.height, 1}, std::move(planes)});
   }
   Cost cost(const TermShape&, uint32_t) const override {
@@ -100,8 +103,8 @@ class CryptomatteNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const size_t instances = ctx.scene->instances().size();
-    for (const auto* ids : {&s_.objects, &s_.materials})
-      if (!ids->empty() && ids->size() != instances)
+    for (const auto& [asked, ids] : {std::pair(hasObjects(), &s_.objects), std::pair(hasMaterials(), &s_.materials)})
+      if (asked && ids->size() != instances)
         return internalError("cryptomatte: " + std::to_string(ids->size()) + " ids for " + std::to_string(instances) + " instances");
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const BackFaces passed = s_.view.camera.cullBackFaces ? BackFaces(*ctx.scene, *accel) : BackFaces();
@@ -109,8 +112,8 @@ class CryptomatteNode final : public Node {
     std::vector<Vec2> viewSamples;
     for (int s = 0; s < s_.viewSamples; ++s) viewSamples.push_back(viewSamplePosition(s, s_.viewSamples));
     const auto& out = ctx.result;
-    const auto objects = s_.objects.empty() ? std::span<float>() : out->writable<float>("object");
-    const auto materials = s_.materials.empty() ? std::span<float>() : out->writable<float>("material");
+    const auto objects = hasObjects() ? out->writable<float>("object") : std::span<float>();
+    const auto materials = hasMaterials() ? out->writable<float>("material") : std::span<float>();
     const int width = s_.view.width;
     const size_t grain = std::max<size_t>(1, 16384 / size_t(s_.samples));  // a millisecond
     const bool complete = ctx.arena->parallelFor(
@@ -144,6 +147,8 @@ class CryptomatteNode final : public Node {
   }
 
  private:
+  bool hasObjects() const { return s_.ofObjects || !s_.objects.empty(); }
+  bool hasMaterials() const { return s_.ofMaterials || !s_.materials.empty(); }
   /// Consecutive samples of a pixel's sequence, at most kLanes.
   struct Run {
     uint32_t first;

@@ -36,7 +36,8 @@ struct CryptomatteSettings {
   int viewSamples = 0;       ///< 0: the box filter; S: sample i is view sample i mod S (PathTracerSettings::viewSamples)
   SamplerKind sampler = SamplerKind::Sobol;
   uint64_t seed = 0;
-  std::vector<uint32_t> objects, materials;  ///< id of each instance; empty: no such plane
+  std::vector<uint32_t> objects, materials;     ///< id of each instance; empty: no such plane, unless it is asked for
+  bool ofObjects = false, ofMaterials = false;  ///< asked for, also where the scene has no instance
 };
 
 /// Source. 40 to 100 ns a ray. Errors of run(): Internal if there are not as many ids as instances.

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/gbuffer.h"
 
-#include <algorithm>
 #include <cstring>
 #include <limits>
 #include <utility>
 
 #include "terms/hit_packet.h"
 #include "trace/back_faces.h"
+#include "trace/film_runs.h"
 
 namespace gobo {
 inline namespace terms {
@@ -41,6 +41,7 @@ class GBufferNode final : public Node {
   void hashParameters(Hasher& h) const override {
     hashView(h, s_);
     s_.place.hash(h);
+    if (!s_.place.whole()) h.add("aligned");  // packets of before were counted from the window's corner
     if (!all()) h.add("part").add(s_.part);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
@@ -71,40 +72,45 @@ class GBufferNode final : public Node {
     if (all()) shading = {*ctx.scene, *out};
 
     const FilmRays film(s_.camera, s_.filmWidth(), s_.filmHeight());
-    const float left = float(s_.place.x), top = float(s_.place.y);
     const bool straight = !s_.camera.hasLens() && !s_.camera.optics.panorama;
-    // Packets of 4x4 pixels of one layer: rays that run side by side.
-    const size_t bands = size_t(h + kTile - 1) / kTile;
+    // Packets of 4x4 pixels of one layer: rays that run side by side. Each has all the rays that it has in the whole picture, wanted or not: which go together
+    // may decide between triangles at the same distance.
+    const std::vector<FilmRun> columns = filmRuns(s_.place.x, w, s_.filmWidth(), kTile), bands = filmRuns(s_.place.y, h, s_.filmHeight(), kTile);
     const bool complete = ctx.arena->parallelFor(
-        bands * size_t(S), 1,
+        bands.size() * size_t(S), 1,
         [&](size_t begin, size_t end) {
           uint64_t rays = 0;
-          for (size_t band = begin; band < end; ++band) {
-            const int s = int(band / bands), y0 = int(band % bands) * kTile, tall = std::min(kTile, h - y0);
+          for (size_t part = begin; part < end; ++part) {
+            const int s = int(part / bands.size());
+            const FilmRun band = bands[part % bands.size()];
+            const int tall = band.count, y0 = band.first - s_.place.y;  // in the view; negative: it begins above
+            const size_t layer = size_t(s) * size_t(h);                 // its first row
+            const bool high = tall == kTile && y0 >= 0 && y0 + kTile <= h;
             const Vec2 offset = viewSamplePosition(s, S);
-            for (int x0 = 0; x0 < w; x0 += kTile) {
-              const int wide = std::min(kTile, w - x0), count = wide * tall;
+            for (const FilmRun& column : columns) {
+              const int wide = column.count, count = wide * tall, x0 = column.first - s_.place.x;
               RayPacket ray;
               HitPacket hit;
               alignas(64) float px[RayPacket::kLanes], py[RayPacket::kLanes];
               for (int i = 0; i < RayPacket::kLanes; ++i) {
                 const int lane = i < count ? i : 0;
-                px[i] = left + float(x0 + lane % wide) + offset.x;
-                py[i] = top + float(y0 + lane / wide) + offset.y;
+                px[i] = float(column.first + lane % wide) + offset.x;
+                py[i] = float(band.first + lane / wide) + offset.y;
               }
               if (straight) {
                 filmPacket(film, px, py, ray);
               } else {
                 for (int i = 0; i < RayPacket::kLanes; ++i) {
-                  const int lane = i < count ? i : 0, x = x0 + lane % wide, y = y0 + lane / wide;
+                  const int lane = i < count ? i : 0, x = column.first + lane % wide, y = band.first + lane / wide;
                   Vec2 onLens(0.0f);
-                  if (s_.camera.hasLens()) onLens = viewSampleLens(s, S, uint64_t(s_.place.y + y) * uint64_t(s_.filmWidth()) + uint64_t(s_.place.x + x));
+                  if (s_.camera.hasLens()) onLens = viewSampleLens(s, S, uint64_t(y) * uint64_t(s_.filmWidth()) + uint64_t(x));
                   ray.set(i, film.at(px[i], py[i], onLens));
                 }
               }
               accel->intersect16(ray, count, hit, &passed);
-              const size_t corner = (size_t(s) * size_t(h) + size_t(y0)) * size_t(w) + size_t(x0);
-              if (count == RayPacket::kLanes && ofOneInstance(hit)) {
+              rays += uint64_t(count);
+              if (high && wide == kTile && x0 >= 0 && x0 + kTile <= w && ofOneInstance(hit)) {
+                const size_t corner = (layer + size_t(y0)) * size_t(w) + size_t(x0);
                 HitSurface surface;
                 hitPositions(accel->impl().instances[hit.instance[0]], ray, hit, surface);
                 writeRows(surface.depth, depth, corner, w);
@@ -115,7 +121,9 @@ class GBufferNode final : public Node {
                 continue;
               }
               for (int i = 0; i < count; ++i) {
-                const size_t at = corner + size_t(i / wide) * size_t(w) + size_t(i % wide);
+                const int x = x0 + i % wide, y = y0 + i / wide;
+                if (x < 0 || y < 0 || x >= w || y >= h) continue;  // company from outside the view
+                const size_t at = (layer + size_t(y)) * size_t(w) + size_t(x);
                 if (hit.instance[i] == kNoHit) {
                   if (positions)
                     for (int c = 0; c < 3; ++c) P[3 * at + c] = 0.0f;
@@ -134,7 +142,6 @@ class GBufferNode final : public Node {
                 if (all()) shading.write(*accel, instances[one.instance].mesh, d, one, at, film.footprint(depth[at]));
               }
             }
-            rays += uint64_t(tall) * uint64_t(w);
           }
           if (ctx.counters) ctx.counters->rays += rays;
         },

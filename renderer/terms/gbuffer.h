@@ -4,6 +4,7 @@
 // towards the viewer | uv f32x2 (set 0) | depth f32 distance along the ray, +inf where nothing is hit | instance u32,
 // ~0u where nothing is hit | primitive u32 | bary f32x2 | footprint f32 world width of a pixel at P (2 t tan(fovy/2)/H).
 // View sample s of S sits at viewSamplePosition(s, S) inside its pixel: the same for every pixel.
+// Rays go in packets of the film's 4x4 tiles, whatever part of it the view is (trace/film_runs.h).
 // Instances whose BSDF is delta at the hit are still stored; "direct" terms are zero there (the path-traced remainder has them).
 #pragma once
 

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/hidden_surface.h"
 
+#include <algorithm>
 #include <limits>
 
 #include "terms/hit_place.h"
 #include "trace/back_faces.h"
+#include "trace/film_runs.h"
 
 namespace gobo {
 inline namespace terms {
@@ -24,6 +26,7 @@ class HiddenSurfaceNode final : public Node {
   void hashParameters(Hasher& h) const override {
     hashView(h, s_);
     s_.place.hash(h);
+    if (!s_.place.whole()) h.add("aligned");  // rays of a guard band went with the film's before
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 1);
@@ -45,26 +48,30 @@ class HiddenSurfaceNode final : public Node {
     const Seen seen(*ctx.inputs.at(0));
     const FilmRays film(s_.camera, s_.filmWidth(), s_.filmHeight());
     const size_t w = size_t(s_.width);
+    // A row of the film goes together, and what a guard band has on its sides apart: the picture has the company that it has without one. A window's rows would
+    // lack what they have beside it; none is planned (techniques/direct_visibility: styles are made of whole pictures).
+    const std::vector<FilmRun> runs = filmRuns(s_.place.x, s_.width, s_.filmWidth(), s_.filmWidth());
     const bool complete = ctx.arena->parallelFor(
         size_t(s_.height) * size_t(s_.viewSamples), 1,
         [&](size_t begin, size_t end) {
           Packet packet(*accel, planes, film);
           for (size_t row = begin; row < end; ++row) {
-            const int layer = int(row / size_t(s_.height)), y = int(row % size_t(s_.height));
+            const int layer = int(row / size_t(s_.height)), y = s_.place.y + int(row % size_t(s_.height));
             const Vec2 offset = viewSamplePosition(layer, s_.viewSamples);
-            for (size_t x = 0; x < w; ++x) {
-              const size_t e = row * w + x;
-              if (seen.instance[e] == kNoHit) {
-                planes.clear(e);
-                continue;
+            for (const FilmRun& run : runs) {
+              const int first = std::max(run.first, s_.place.x), last = std::min(run.first + run.count, s_.place.x + s_.width);
+              for (int x = first; x < last; ++x) {
+                const size_t e = row * w + size_t(x - s_.place.x);
+                if (seen.instance[e] == kNoHit) {
+                  planes.clear(e);
+                  continue;
+                }
+                Vec2 onLens(0.0f);
+                if (s_.camera.hasLens()) onLens = viewSampleLens(layer, s_.viewSamples, uint64_t(y) * uint64_t(s_.filmWidth()) + uint64_t(x));
+                packet.add(e, film.at(float(x) + offset.x, float(y) + offset.y, onLens), seen.at(seen.P, e), seen.at(seen.Ng, e), seen.depth[e]);
               }
-              Vec2 onLens(0.0f);
-              if (s_.camera.hasLens())
-                onLens = viewSampleLens(layer, s_.viewSamples, uint64_t(s_.place.y + y) * uint64_t(s_.filmWidth()) + uint64_t(s_.place.x + int(x)));
-              const Ray ray = film.at(float(s_.place.x) + float(x) + offset.x, float(s_.place.y) + float(y) + offset.y, onLens);
-              packet.add(e, ray, seen.at(seen.P, e), seen.at(seen.Ng, e), seen.depth[e]);
+              packet.flush();
             }
-            packet.flush();
           }
           if (ctx.counters) ctx.counters->rays += packet.rays;
         },

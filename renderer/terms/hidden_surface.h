@@ -8,7 +8,7 @@
 //              zeros where there is no such surface.
 // Error        The way on begins where the hit was, moved off by offsetOrigin (trace/accel.h): surfaces nearer to each other than some ulp are one.
 // Fails where  an open sheet is wound the other way than it is seen: from behind it is passed. More than kMostPassed insides in a row end the search.
-// Cost         A ray a sample and one more for each surface passed. Packets of 16.
+// Cost         A ray a sample and one more for each surface passed. Packets of 16 along the film's rows.
 #pragma once
 
 #include "terms/gbuffer.h"

@@ -108,6 +108,7 @@ class ReweightedMeanNode final : public EstimatorNode {
  public:
   ReweightedMeanNode(const Reweighting& settings, int width, int height, int first) : EstimatorNode(width, height, first), s_(settings) {}
   std::string type() const override { return "reweighted_mean"; }
+  int version() const override { return 2; }
   NodeTraits traits() const override { return s_.start > 0 ? within(1) : NodeTraits{}; }
 
  private:

@@ -2,7 +2,9 @@
 #include "filters/outliers/sample_estimators.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
 
 #include "base/vec.h"
 
@@ -87,91 +89,174 @@ std::vector<float> adaptiveMedianOfMeans(const SampleView& s, const SampleBins& 
 
 namespace {
 
-/// Light by cascade and pixel; cascades are made when needed: most are empty.
-class Cascades {
+/// Tiles, each with the cascades of its pixels and of those around, three rows at once: what is held depends neither on the picture's size nor on `base`.
+constexpr int kTile = 32;
+/// Each holds one tile's: admission is told of as many, whatever the threads.
+constexpr size_t kMostTasks = 256;
+
+double luminanceOf(const DVec3& v) { return 0.2126 * v.x + 0.7152 * v.y + 0.0722 * v.z; }
+
+/// One cascade of one pixel; those of a pixel come upwards, and most have none.
+struct CascadeLight {
+  int cascade;
+  double samples;  ///< of about its brightness
+  DVec3 light;
+};
+
+class CascadeRule {
  public:
-  Cascades(const SampleView& s, const Reweighting& r) : s_(s), start_(double(r.start)), base_(double(r.base)) {
+  explicit CascadeRule(const Reweighting& r) : start_(double(r.start)), base_(double(r.base)), logBase_(std::log(base_)) {
     // Up to 3e38: log(3e38 / start) / log(base) cascades and one beyond.
-    light_.resize(size_t(std::clamp(int(std::log(3.0e38 / start_) / std::log(base_)) + 2, 2, 160)));
+    count_ = std::max(int(std::log(3.0e38 / start_) / logBase_) + 2, 2);
   }
-  int count() const { return int(light_.size()); }
-  double startOf(int k) const { return start_ * std::pow(base_, k); }
-  bool has(int k) const { return k >= 0 && k < count() && !light_[size_t(k)].empty(); }
-  const DVec3& of(int k, size_t p) const { return light_[size_t(k)][p]; }
-  void add(const SampleBins& bins, const Rows& rows) {
-    for (int y = 0; y < s_.height && !rows.stop.stopRequested(); ++y)
-      for (int x = 0; x < s_.width; ++x)
-        for (size_t i = bins.pixelBegin(x, y); i < bins.pixelEnd(x, y); ++i) addSample(3 * size_t(bins.order[i]), size_t(y) * size_t(s_.width) + size_t(x));
-  }
-  /// Samples of about that brightness.
-  double samplesOf(int k, size_t p) const {
-    if (!has(k)) return 0.0;
-    const DVec3& v = of(k, p);
-    return std::max(0.0, 0.2126 * v.x + 0.7152 * v.y + 0.0722 * v.z) / startOf(k);
+  /// Cascades that a pixel of so many samples may have light in.
+  uint64_t most(uint64_t samples) const { return std::min(2 * samples, uint64_t(count_)); }
+  /// Of a pixel's samples, behind what is there. Sums are in the samples' order.
+  void append(const SampleView& s, std::span<const uint32_t> samples, std::vector<CascadeLight>& out) const {
+    const size_t first = out.size();
+    for (const uint32_t i : samples) {
+      DVec3 v(0.0);
+      for (size_t c = 0; c < 3; ++c) v[int(c)] = double(s.directAt(3 * size_t(i) + c)) + double(s.indirect[3 * size_t(i) + c]);
+      const double l = luminanceOf(v);
+      if (!(l > start_)) {
+        lightOf(0, first, out) += v;
+        continue;
+      }
+      const int k = std::min(int(std::log(l / start_) / logBase_), count_ - 2);
+      // By 1 / l between the cascades, so that a sample of luminance l counts as one sample of them together.
+      const double low = std::clamp((startOf(k) / l - 1 / base_) / (1 - 1 / base_), 0.0, 1.0);
+      lightOf(k, first, out) += low * v;
+      lightOf(k + 1, first, out) += (1 - low) * v;
+    }
+    for (size_t k = first; k < out.size(); ++k) out[k].samples = std::max(0.0, luminanceOf(out[k].light)) / startOf(out[k].cascade);
   }
 
  private:
-  DVec3& at(int k, size_t p) {
-    auto& one = light_[size_t(k)];
-    if (one.empty()) one.assign(size_t(s_.width) * size_t(s_.height), DVec3(0.0));
-    return one[p];
+  double startOf(int k) const { return start_ * std::pow(base_, k); }
+  static DVec3& lightOf(int cascade, size_t first, std::vector<CascadeLight>& out) {
+    auto at = std::lower_bound(out.begin() + ptrdiff_t(first), out.end(), cascade, [](const CascadeLight& c, int k) { return c.cascade < k; });
+    if (at == out.end() || at->cascade != cascade) at = out.insert(at, CascadeLight{cascade, 0.0, DVec3(0.0)});
+    return at->light;
   }
-  void addSample(size_t j, size_t p) {
-    DVec3 v(0.0);
-    for (int c = 0; c < 3; ++c) v[c] = double(s_.directAt(j + size_t(c))) + double(s_.indirect[j + size_t(c)]);
-    const double l = 0.2126 * v.x + 0.7152 * v.y + 0.0722 * v.z;
-    if (!(l > start_)) {
-      at(0, p) += v;
-      return;
-    }
-    const int k = std::min(int(std::log(l / start_) / std::log(base_)), count() - 2);
-    // By 1 / l between the cascades, so that a sample of luminance l counts as one sample of them together.
-    const double low = std::clamp((startOf(k) / l - 1 / base_) / (1 - 1 / base_), 0.0, 1.0);
-    at(k, p) += low * v;
-    at(k + 1, p) += (1 - low) * v;
-  }
-  const SampleView& s_;
-  double start_, base_;
-  std::vector<std::vector<DVec3>> light_;
+  double start_, base_, logBase_;
+  int count_;
 };
 
-/// Sums of `summed`, by weights of `all`; n samples of a pixel in bins.
-std::vector<float> reweighted(const SampleView& s, const Cascades& all, const Cascades& summed, const SampleBins& bins, double enough, const Rows& rows) {
-  std::vector<float> out(3 * size_t(s.width) * size_t(s.height), 0.0f);
-  forRows(s.height, rows, [&](int y) {
-    for (int x = 0; x < s.width; ++x) {
-      const double n = double(bins.pixelEnd(x, y) - bins.pixelBegin(x, y));
-      if (n == 0) continue;
-      const size_t p = size_t(y) * size_t(s.width) + size_t(x);
-      DVec3 sum(0.0);
-      for (int k = 0; k < all.count(); ++k) {
-        if (!summed.has(k)) continue;
-        double around = 0;
-        for (int v = std::max(y - 1, 0); v <= std::min(y + 1, s.height - 1); ++v)
-          for (int u = std::max(x - 1, 0); u <= std::min(x + 1, s.width - 1); ++u)
-            for (int j = k - 1; j <= k + 1; ++j) around += all.samplesOf(j, size_t(v) * size_t(s.width) + size_t(u));
-        const double w = k == 0 ? 1.0 : std::clamp((around - 1) / (enough - 1), 0.0, 1.0);
-        sum += w * summed.of(k, p);
-      }
-      for (int c = 0; c < 3; ++c) out[3 * p + size_t(c)] = float(std::clamp(sum[c] / n, -3.4e38, 3.4e38));
+/// Sums of `part`'s samples, by weights of all.
+class ReweightedTiles {
+ public:
+  ReweightedTiles(const SampleView& s, const SampleBins& all, const SampleBins& part, const Reweighting& r)
+      : s_(s), all_(all), part_(part), rule_(r), enough_(double(r.enough)), across_((s.width + kTile - 1) / kTile) {}
+  static size_t count(int width, int height) { return size_t((width + kTile - 1) / kTile) * size_t((height + kTile - 1) / kTile); }
+
+  /// What a task holds, whose tiles use it one after the other.
+  struct Held {
+    struct Row {
+      std::vector<CascadeLight> lights;
+      std::vector<size_t> first;  ///< of each pixel; one more at the end
+    };
+    std::array<Row, 3> rows;  ///< y - 1, y, y + 1; y is in rows[y % 3]
+    std::vector<CascadeLight> own;
+    int left = 0;  ///< x of the rows' first pixel
+    std::span<const CascadeLight> of(int x, int y) const {
+      const Row& row = rows[size_t(y % 3)];
+      const size_t i = size_t(x - left);
+      return std::span<const CascadeLight>(row.lights).subspan(row.first[i], row.first[i + 1] - row.first[i]);
     }
-  });
-  return out;
-}
+  };
+
+  void tile(size_t t, Held& held, const StopToken& stop, std::vector<float>& out) const {
+    const int x0 = int(t) % across_ * kTile, x1 = std::min(x0 + kTile, s_.width), y0 = int(t) / across_ * kTile, y1 = std::min(y0 + kTile, s_.height);
+    held.left = std::max(x0 - 1, 0);
+    int next = std::max(y0 - 1, 0);  // row that is not there yet
+    for (int y = y0; y < y1; ++y) {
+      for (; next <= std::min(y + 1, s_.height - 1); ++next) {
+        if (stop.stopRequested()) return;
+        fill(held.rows[size_t(next % 3)], held.left, std::min(x1 + 1, s_.width), next);
+      }
+      for (int x = x0; x < x1; ++x) pixel(x, y, held, out);
+    }
+  }
+
+ private:
+  static std::span<const uint32_t> samplesOf(const SampleBins& bins, int x, int y) {
+    return std::span<const uint32_t>(bins.order).subspan(bins.pixelBegin(x, y), bins.pixelEnd(x, y) - bins.pixelBegin(x, y));
+  }
+  void fill(Held::Row& row, int x0, int x1, int y) const {
+    size_t most = 0;
+    for (int x = x0; x < x1; ++x) most += size_t(rule_.most(samplesOf(all_, x, y).size()));
+    row.lights.clear();
+    if (row.lights.capacity() < most) std::vector<CascadeLight>().swap(row.lights);  // or a larger one would be held beside it
+    row.lights.reserve(most);
+    row.first.clear();
+    row.first.reserve(size_t(kTile) + 3);
+    for (int x = x0; x < x1; ++x) {
+      row.first.push_back(row.lights.size());
+      rule_.append(s_, samplesOf(all_, x, y), row.lights);
+    }
+    row.first.push_back(row.lights.size());
+  }
+  void pixel(int x, int y, Held& held, std::vector<float>& out) const {
+    const std::span<const uint32_t> samples = samplesOf(part_, x, y);
+    if (samples.empty()) return;
+    std::span<const CascadeLight> summed = held.of(x, y);
+    if (&part_ != &all_) {
+      held.own.clear();
+      held.own.reserve(size_t(rule_.most(samples.size())));
+      rule_.append(s_, samples, held.own);
+      summed = held.own;
+    }
+    std::array<std::span<const CascadeLight>, 9> around;
+    size_t n = 0;
+    for (int v = std::max(y - 1, 0); v <= std::min(y + 1, s_.height - 1); ++v)
+      for (int u = std::max(x - 1, 0); u <= std::min(x + 1, s_.width - 1); ++u) around[n++] = held.of(u, v);
+    DVec3 sum(0.0);
+    for (const CascadeLight& c : summed) {
+      double found = 0;  // next to this cascade, around
+      for (size_t i = 0; i < n && c.cascade > 0; ++i) {
+        std::span<const CascadeLight>& there = around[i];
+        while (!there.empty() && there.front().cascade < c.cascade - 1) there = there.subspan(1);
+        for (size_t j = 0; j < there.size() && there[j].cascade <= c.cascade + 1; ++j) found += there[j].samples;
+      }
+      const double w = c.cascade == 0 ? 1.0 : std::clamp((found - 1) / (enough_ - 1), 0.0, 1.0);
+      sum += w * c.light;
+    }
+    const size_t p = size_t(y) * size_t(s_.width) + size_t(x);
+    for (int c = 0; c < 3; ++c) out[3 * p + size_t(c)] = float(std::clamp(sum[c] / double(samples.size()), -3.4e38, 3.4e38));
+  }
+
+  const SampleView& s_;
+  const SampleBins &all_, &part_;
+  CascadeRule rule_;
+  double enough_;
+  int across_;
+};
 
 }  // namespace
 
 std::vector<float> reweightedMean(const SampleView& s, const SampleBins& bins, const Reweighting& r, const Rows& rows) {
-  Cascades all(s, r);
-  all.add(bins, rows);
-  return reweighted(s, all, all, bins, double(r.enough), rows);
+  return reweightedPart(s, bins, bins, r, rows);
 }
 
 std::vector<float> reweightedPart(const SampleView& s, const SampleBins& bins, const SampleBins& part, const Reweighting& r, const Rows& rows) {
-  Cascades all(s, r), some(s, r);
-  all.add(bins, rows);
-  some.add(part, rows);
-  return reweighted(s, all, some, part, double(r.enough), rows);
+  std::vector<float> out(3 * size_t(s.width) * size_t(s.height), 0.0f);
+  const ReweightedTiles tiles(s, bins, part, r);
+  const size_t count = ReweightedTiles::count(s.width, s.height), tasks = std::min(count, kMostTasks);
+  const auto some = [&](size_t begin, size_t end) {
+    for (size_t task = begin; task < end; ++task) {
+      ReweightedTiles::Held held;
+      for (size_t t = task; t < count && !rows.stop.stopRequested(); t += tasks) tiles.tile(t, held, rows.stop, out);
+    }
+  };
+  if (rows.arena) rows.arena->parallelFor(tasks, 1, some, rows.stop);
+  else some(0, tasks);
+  return out;
+}
+
+uint64_t reweightingBytes(int width, int height, uint64_t samples, const Reweighting& r) {
+  const uint64_t row = uint64_t(std::min(width, kTile + 2)), pixels = row * uint64_t(std::min(height, 3)) + 1;  // and one of a part
+  const uint64_t task = pixels * CascadeRule(r).most(samples) * sizeof(CascadeLight) + 3 * uint64_t(kTile + 3) * sizeof(size_t);
+  return task * std::min(ReweightedTiles::count(width, height), kMostTasks);
 }
 
 }  // namespace gobo::outliers

@@ -3,6 +3,7 @@
 // without a sample are black. Pictures are RGB, width * height * 3.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "base/task_arena.h"
@@ -36,8 +37,7 @@ double giniCoefficient(const std::vector<double>& sorted);
 
 /// After Zirr, Hanika & Dachsbacher 2018, "Re-weighting firefly samples for improved finite-sample Monte Carlo estimates": samples are split by luminance into
 /// cascades `base` apart, each between its two neighbours, and a cascade of a pixel counts by how many samples of about its brightness the 3 x 3 pixels around
-/// have had: not at all for one, fully from `enough` on. The lowest cascade always counts. Keeps sums by cascade only, no samples; all energy comes back as
-/// samples grow.
+/// have had: not at all for one, fully from `enough` on. The lowest cascade always counts, the highest reach 3e38. All energy comes back as samples grow.
 struct Reweighting {
   float start = 1.0f;   ///< luminance of the lowest cascade
   float base = 8.0f;    ///< > 1
@@ -47,5 +47,7 @@ std::vector<float> reweightedMean(const SampleView& samples, const SampleBins& b
 /// The same of some of the samples, cascades counting by what all of them say.
 std::vector<float> reweightedPart(const SampleView& samples, const SampleBins& bins, const SampleBins& part, const Reweighting& settings = {},
                                   const Rows& rows = {});
+/// Bytes that either holds at most beside its result, of so many samples in each pixel, whatever the threads. Smaller starts hold more.
+uint64_t reweightingBytes(int width, int height, uint64_t samples, const Reweighting& settings);
 
 }  // namespace gobo::outliers

@@ -166,6 +166,25 @@ TEST(AutomaticShadow, FiltersWinWherePenumbrasAreWide) {
   EXPECT_EQ(pickOf(mustRender(*engine, part)).error, pickOf(picked).error);
 }
 
+// What soft maps read is turned from pixel to pixel: in a part of the picture they are judged by the same turns.
+TEST(AutomaticShadow, APartOfThePictureJudgesSoftMapsAsTheWholeDoes) {
+  const auto said = [](bool part) {
+    v1::RenderRequest r = smallRequest("grids", 320, 240);
+    r.set_view_samples(1);
+    r.add_outputs("visibility:key");
+    set(r, "shadows.auto.error=0.25");
+    if (part)
+      for (const char* a : {"window.x=200", "window.y=40", "window.width=50", "window.height=60"}) set(r, a);
+    const RenderResult reply = mustRender(*makeEngine(), r);
+    EXPECT_GT(softMaps(reply).first, 0);
+    std::vector<std::string> rows;
+    for (const v1::NodeReport& n : reply.reply.plan())
+      if (n.node().rfind("auto:", 0) == 0) rows.push_back(n.node() + ": " + n.reason());
+    return rows;
+  };
+  EXPECT_EQ(said(true), said(false));
+}
+
 // Penumbras on a twentieth of the picture, the rest sharp: a first look of a hundred pixels sees none of them by some seeds.
 TEST(AutomaticShadow, ALookThatSeesNoErrorIsNotTheLast) {
   auto engine = makeEngine();

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <optional>
 
 #include "base/sobol.h"
 #include "plan/ladder.h"
@@ -408,6 +409,74 @@ TEST(CameraRequests, ALensNeedsPathTracedLight) {
     if (o.perLight && std::string(o.name) != "group") refused({std::string("outputs=") + o.name + ":lamp"}, "request.outputs", "request.camera has a lens");
   const RenderResult automatic = mustRender(*engine, request({"camera.lens_radius=0.1", "camera.focus_distance=3", "shadows.auto="}));
   EXPECT_EQ(firstDifference(automatic, mustRender(*engine, request({"camera.lens_radius=0.1", "camera.focus_distance=3"}))), "");
+}
+
+/// Curves and formulas move the camera: `motion` is from where the picture of the earlier moment has a place to where the one of this moment has it.
+TEST(CameraRequests, MotionIsThatOfTheCameraThatFlies) {
+  const auto flown = [](const char* outputs, std::optional<double> time) {
+    v1::RenderRequest r = request({std::string("outputs=") + outputs, "view_samples=1", "motion_step_s=0.5", "curves.camera.position.time_s=0,1",
+                                   "curves.camera.position.value=0,1,3.4,0.3,1.2,3", "expressions.camera.yfov_deg.formula=40 - 4 * time",
+                                   "curves.lights.light.gain.time_s=0,1", "curves.lights.light.gain.value=1,1,1,2,2,2"});
+    if (time) r.set_time_s(*time);
+    return r;
+  };
+  const auto film = [](const RenderResult& picture, const Vec3& p) {
+    const Vec4 n = picture.matrices.at("worldToNDC") * Vec4(p, 1.0f);
+    return Vec2(n.x / n.w * 40, n.y / n.w * 30);
+  };
+  const auto engine = makeEngine();
+  for (const std::optional<double> time : {std::optional<double>(0.5), {1.2}, {0.2}, {-2.0}, {}}) {  // before the first key formulas alone move it
+    SCOPED_TRACE(time.value_or(0));
+    const RenderResult made = mustRender(*engine, flown("position,motion", time));
+    const RenderResult now = mustRender(*engine, flown("position", time)), before = mustRender(*engine, flown("position", time.value_or(0) - 0.5));
+    const Image &position = made.images[0].image(), &motion = made.images[1].image();
+    EXPECT_EQ(position.data, now.images[0].image().data);
+    int compared = 0;
+    float most = 0;
+    for (int y = 0; y < 30; ++y)
+      for (int x = 0; x < 40; ++x) {
+        const Vec3 p = position.rgb(x, y);
+        if (p == Vec3(0.0f)) continue;  // nothing is there
+        const Vec2 moved = film(now, p) - film(before, p);
+        ASSERT_NEAR(motion.at(x, y)[0], moved.x, 5e-3f) << x << "," << y;
+        ASSERT_NEAR(motion.at(x, y)[1], moved.y, 5e-3f) << x << "," << y;
+        most = std::max(most, glm::length(moved));
+        ++compared;
+      }
+    EXPECT_GT(compared, 500);
+    EXPECT_GT(most, 0.5f);
+    // What moves the camera is in the reply's request, which is the same picture again; what lamps do has no past.
+    const v1::RenderRequest& resolved = made.reply.resolved();
+    EXPECT_EQ(resolved.curves_size(), 1);
+    EXPECT_EQ(resolved.expressions_size(), 1);
+    const RenderResult again = mustRender(*makeEngine(), resolved);
+    EXPECT_EQ(firstDifference(made, again), "");
+    EXPECT_EQ(again.reply.request_hash(), made.reply.request_hash());
+    EXPECT_EQ(now.reply.resolved().curves_size() + now.reply.resolved().expressions_size(), 0) << "where no output asks for it";
+  }
+  // A relight of what a curve says replaces the curve.
+  v1::RelightRequest relight;
+  relight.set_render_id(mustRender(*engine, flown("motion", 0.5)).reply.render_id());
+  relight.add_mask("camera.position");
+  set(*relight.mutable_patch(), "camera.position=0,1,3");
+  const auto asked = engine->relightRequest(relight);
+  ASSERT_TRUE(asked.ok()) << asked.status().toString();
+  EXPECT_EQ(asked->curves_size(), 0);
+  EXPECT_EQ(asked->expressions_size(), 1);
+  v1::RenderRequest typed = flown("motion", 0.5);
+  typed.mutable_curves()->erase("camera.position");
+  set(typed, "camera.position=0,1,3");
+  EXPECT_EQ(firstDifference(mustRender(*engine, *asked), mustRender(*makeEngine(), typed)), "");
+}
+
+/// The first frame has a past that a formula may know nothing of.
+TEST(CameraRequests, AFormulaWithoutAValueBeforeIsAtRest) {
+  const v1::RenderRequest r = request({"outputs=motion", "time_s=0", "expressions.camera.yfov_deg.formula=30 + 9 * sqrt(time)"});
+  const RenderResult made = mustRender(*makeEngine(), r);
+  for (const float v : made.images[0].pixels()) ASSERT_EQ(v, 0.0f);
+  ASSERT_EQ(made.reply.warnings_size(), 1);
+  EXPECT_TRUE(made.reply.warnings(0).starts_with("motion: what request.expressions move counts as at rest: request.expressions.camera.yfov_deg.formula"))
+      << made.reply.warnings(0);
 }
 
 TEST(CameraRequests, TheSmallPictureOfTheLadderHasTheCameraOfTheLargeOne) {

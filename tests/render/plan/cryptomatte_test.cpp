@@ -166,6 +166,52 @@ TEST(CryptomattePlan, AShutterRanksTheMeanOfItsSlices) {
   EXPECT_GT(partial, 50);
 }
 
+/// Whatever a render shows on its way and wherever it ends: what it says that it got is a request of the same mattes.
+TEST(CryptomattePlan, RaysAreThoseOfTheSamplesThatItGot) {
+  const auto engine = makeEngine(), cold = makeEngine();
+  v1::RenderRequest r = request({});
+  std::vector<RenderResult> snapshots;
+  RenderControl control;
+  control.snapshot = [&](const RenderResult& s) { snapshots.push_back(s); };
+  const auto last = engine->render(r, control);
+  ASSERT_TRUE(last.ok()) << last.status().toString();
+  ASSERT_EQ(snapshots.size(), 2u);  // of 16 and 32
+  for (const RenderResult& s : snapshots) EXPECT_EQ(firstDifference(s, mustRender(*cold, s.reply.resolved())), "") << s.reply.resolved().halt().spp();
+  EXPECT_EQ(last->reply.resolved().halt().spp(), 64u);
+  EXPECT_EQ(firstDifference(*last, mustRender(*cold, r)), "");
+  EXPECT_NE(firstDifference(snapshots[0], *last), "");
+  set(r, "halt.spp=4096");  // beyond 256 nothing changes: that is the reply
+  snapshots.clear();
+  const auto many = engine->render(r, control);
+  ASSERT_TRUE(many.ok()) << many.status().toString();
+  EXPECT_EQ(snapshots.size(), 4u);
+  EXPECT_EQ(many->reply.resolved().halt().spp(), 4096u);
+  r.clear_halt();
+  r.mutable_halt()->set_time_s(20);
+  const RenderResult timed = mustRender(*engine, r);
+  EXPECT_EQ(timed.reply.resolved().halt().spp(), 256u);
+  EXPECT_EQ(firstDifference(timed, mustRender(*cold, timed.reply.resolved())), "");
+  EXPECT_EQ(firstDifference(timed, *many), "");
+}
+
+/// A file may have lamps alone: mattes of it are asked for, and there are none.
+TEST(CryptomattePlan, ASceneWithoutObjectsHasNone) {
+  tests::SceneMaker m;
+  m.light(LightShape{});
+  m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.5f);
+  RenderControl control;
+  control.scene = m.finish();
+  for (const char* outputs : {kBoth, "outputs=cryptomatte_object", "outputs=cryptomatte_material"}) {
+    const auto made = makeEngine()->render(request({outputs}), control);
+    ASSERT_TRUE(made.ok()) << outputs << ": " << made.status().toString();
+    for (const RenderedImage& image : made->images)
+      for (const float v : image.pixels()) ASSERT_EQ(v, 0.0f) << image.output;
+    EXPECT_EQ(made->attributes.size(), made->images.size());
+    for (const auto& [output, attributes] : made->attributes)
+      EXPECT_EQ(attributes.at(output == "cryptomatte_object" ? "cryptomatte/f834d0a/manifest" : "cryptomatte/bda530a/manifest"), "{}");
+  }
+}
+
 TEST(CryptomattePlan, HalvesHoldNoIds) {
   const auto engine = makeEngine();
   const Status refused = engine->render(request({"encoding.format=RAW_HALF"})).status();

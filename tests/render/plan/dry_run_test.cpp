@@ -6,6 +6,7 @@
 #include <iostream>
 #include <map>
 
+#include "plan/describe_unrun.h"
 #include "support/planned_nodes.h"
 #include "support/thorough.h"
 
@@ -51,6 +52,34 @@ TEST(DryRun, NamesTheNodesThatThenRunAndRunsNone) {
     for (const v1::NodeReport& row : again->plan()) EXPECT_NE(row.state(), v1::NodeReport::RUN) << row.node();
   }
   std::cout << "rays expected / traced: " << least << " to " << most << "\n";
+}
+
+/// What a first small picture would wait for before it traces anything, and all that it would.
+std::pair<double, double> aheadOf(const char* scene, std::initializer_list<const char*> edits) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest(scene, 64, 48, 16);
+  for (const char* e : edits) set(r, e);
+  const auto resolved = engine->resolve(r);
+  EXPECT_TRUE(resolved.ok()) << resolved.status().toString();
+  const auto plan = makePlan(*engine->scene(scene), *resolved, passesFor(16), PlannerServices{});
+  EXPECT_TRUE(plan.ok()) << plan.status().toString();
+  const TaskArena arena(1);
+  TermStore store(1 << 20);
+  ExtensionIndex extensions;
+  AccelCache accels;
+  Executor executor((*plan)->graph, {&store, &extensions, &accels, &arena}, StopToken());
+  EXPECT_TRUE((*plan)->expanded.empty());
+  return {aheadMs(**plan, executor), expectedMs(**plan, executor)};
+}
+
+// Sums of samples are kept on disk as tables are, and are the picture itself: a small one of the request's own technique does not wait for them.
+TEST(DryRun, WhatComesAheadOfAPictureIsNotItsSamples) {
+  const auto [traced, all] = aheadOf("lights8", {"shadows.ray_traced.samples=4"});
+  EXPECT_EQ(traced, 0.0);
+  EXPECT_GT(all, 0.0);
+  const auto [table, both] = aheadOf("cornell", {"environment.sky.turbidity=3", "environment.transfer.points=300", "environment.transfer.lights=0"});
+  EXPECT_GT(table, 0.0);
+  EXPECT_LT(table, both);
 }
 
 TEST(DryRun, ABrokenRequestFailsAsItsRenderWould) {

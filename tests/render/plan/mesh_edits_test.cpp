@@ -281,6 +281,71 @@ TEST_F(MeshEdits, WorkIsBounded) {
   EXPECT_EQ(refused.status().code(), Code::InvalidArgument);
 }
 
+/// `objects` of one ball of 20 448 triangles, `unused` vertices more; each larger than the last by `step`.
+ScenePtr manyBalls(int objects, double step, size_t unused = 0) {
+  builtin::SceneBuilder b("many");
+  builtin::MeshBuilder m;
+  m.sphere(Vec3(0.0f), 0.4f, 144, 72);
+  const int ball = b.mesh(m, "ball", b.material("white", Vec3(0.7f)));
+  for (int i = 0; i < objects; ++i)
+    b.instance("ball" + std::to_string(i), ball,
+               builtin::translate(Vec3(2.0f * float(i % 50), 0, 2.0f * float(i / 50))) * builtin::scale(Vec3(float(1 + step * i))));
+  b.point("lamp", Vec3(1, 3, 2), Vec3(12.0f));
+  b.camera("front", Vec3(0, 1.4f, 5), Vec3(0, 0.8f, 0), 40.0f);
+  const ScenePtr scene = *b.finish();
+  if (unused == 0) return scene;
+  return *editScene(*scene, [&](Scene& s) -> Status {
+    auto wide = std::make_shared<Mesh>(*s.meshes[size_t(ball)]);
+    wide->indices = Array<uint32_t>(std::vector<uint32_t>(wide->indices.begin(), wide->indices.begin() + 300));
+    wide->positions.resize(wide->positions.size() + unused, Vec3(0.1f));
+    wide->normals.resize(wide->positions.size(), Vec3(0, 1, 0));
+    for (Array<Vec2>& set : wide->uv)
+      if (!set.empty()) set.resize(wide->positions.size());
+    sealMesh(*wide);
+    s.meshes[size_t(ball)] = wide;
+    return {};
+  });
+}
+
+/// What it takes is counted in looks at the stop token: every mesh that is made looks at it more than ten times.
+TEST_F(MeshEdits, ManyScalesOfOneMeshAreRefusedBeforeTheyAreMade) {
+  constexpr int kObjects = 3000;
+  const auto refused = [&](const ScenePtr& scene, std::initializer_list<const char*> assignments, Code code, const std::string& field, const char* says) {
+    SCOPED_TRACE(field);
+    const int polls = gobo::tests::pollsOf([&](const StopToken& stop) {
+      const Status s = withMeshEdits(scene, edits(assignments), stop).status();
+      EXPECT_EQ(s.code(), code) << s.toString();
+      EXPECT_EQ(s.location(), "request.meshes." + field) << s.toString();
+      EXPECT_NE(s.message().find(says), std::string::npos) << s.toString();
+    });
+    EXPECT_LE(polls, kObjects / 1000 + 1);
+  };
+  const ScenePtr scales = manyBalls(kObjects, 1.0 / kObjects);
+  ASSERT_GE(scales->meshes[0]->triangles(), 20000u);
+  refused(scales, {"meshes.*.inflate=0.01"}, Code::InvalidArgument, "*.inflate", "inflate = 0.01: with it 1223 meshes");
+  refused(scales, {"meshes.*.cluster=0.01"}, Code::InvalidArgument, "*.cluster", "cluster = 0.01");
+  refused(scales, {"meshes.*.smooth=2"}, Code::InvalidArgument, "*.smooth", "smooth = 2");
+  refused(scales, {"meshes.*.smooth=2", "meshes.*.inflate=0.01"}, Code::InvalidArgument, "*.inflate", "inflate = 0.01");
+  refused(scales, {"meshes.*.smooth=100", "meshes.*.inflate=0.01"}, Code::InvalidArgument, "*.smooth", "smooth = 100");
+  // Few triangles of many vertices: bytes.
+  refused(manyBalls(kObjects, 1.0 / kObjects, 50'000), {"meshes.*.inflate=0.01"}, Code::ResourceExhausted, "*.inflate", "MiB; at most 1024 MiB");
+
+  // Of one scale they share one mesh, which is made once.
+  const ScenePtr even = manyBalls(kObjects, 0.0);
+  const ScenePtr fat = edited(even, {"meshes.*.inflate=0.01", "meshes.ball7.inflate=0"});
+  EXPECT_NE(meshOf(fat, "ball0"), meshOf(even, "ball0"));
+  EXPECT_EQ(meshOf(fat, "ball0"), meshOf(fat, "ball2999"));
+  EXPECT_EQ(meshOf(fat, "ball7"), meshOf(even, "ball7"));
+  EXPECT_EQ(fat->meshes.size(), even->meshes.size() + 1);
+  // What is not edited, or hidden, costs nothing.
+  EXPECT_NE(meshOf(edited(scales, {"meshes.ball7.inflate=0.01"}), "ball7"), meshOf(scales, "ball7"));
+  const ScenePtr hidden = *editScene(*scales, [](Scene& s) -> Status {
+    for (size_t i = 1; i < s.instances.size(); ++i) s.instances[i].toWorld = builtin::scale(Vec3(1e-10f * float(i)));
+    return {};
+  });
+  EXPECT_NE(meshOf(edited(hidden, {"meshes.*.inflate=0.01"}), "ball0"), meshOf(hidden, "ball0"));
+}
+
 // For all objects a side that would leave nothing of the small ones leaves those as they are, and says so.
 TEST_F(MeshEdits, WhatWouldVanishWithTheOthersStays) {
   v1::RenderRequest r = request();

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "filters/outliers/sample_estimators.h"
 #include "plan/outliers.h"
 #include "support/engines.h"
 #include "support/thorough.h"
@@ -371,6 +372,21 @@ TEST(Outliers, AdmissionKnowsTheSamples) {
   const uint64_t more = uint64_t(64) * 48 * 144;
   EXPECT_GE(many->pinnedBytes, few->pinnedBytes + 48 * more);  // in the term, and beside it while they are judged
   EXPECT_LE(many->pinnedBytes, few->pinnedBytes + 60 * more);
+
+  // Cascades are held beside the samples.
+  r.mutable_halt()->set_spp(16);
+  const auto pinned = [&](std::initializer_list<const char*> assignments) {
+    r.clear_denoise();
+    for (const char* a : assignments) set(r, a);
+    const auto prepared = engine->prepare(r, nullptr);
+    EXPECT_TRUE(prepared.ok()) << prepared.status().toString();
+    return prepared.ok() ? prepared->pinnedBytes : 0;
+  };
+  const uint64_t trimmed = pinned({"denoise.outliers=trimmed"});
+  const uint64_t known = pinned({"denoise.outliers.reweighting.base=1.1", "denoise.outliers.white=2"});
+  EXPECT_GE(known, trimmed + outliers::reweightingBytes(64, 48, 16, {2.0f, 1.1f, 4.0f}));
+  const uint64_t any = pinned({"denoise.outliers.reweighting.base=4"});
+  EXPECT_GE(any, trimmed + outliers::reweightingBytes(64, 48, 16, {1e-12f, 4.0f, 4.0f}));
 }
 
 }  // namespace outlier_requests_test

@@ -3,10 +3,15 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <cstring>
+#include <set>
 
 #include "support/planned_nodes.h"
+#include "support/run_node.h"
 #include "support/thorough.h"
+#include "terms/gbuffer.h"
+#include "terms/hidden_surface.h"
 
 namespace gobo::testing {
 namespace {
@@ -66,6 +71,94 @@ TEST(Window, HasTheBitsOfTheWholeWithEveryTechniqueAndOutput) {
     }
   }
   EXPECT_GT(windows, 50);
+}
+
+/// A floor and four rugs of two triangles each, all at its very height, seen obliquely: which of them a ray meets depends on the rays that go with it.
+/// `roofed`: there is a sheet above them that the camera sees first.
+ScenePtr rugs(bool roofed) {
+  builtin::SceneBuilder b("rugs");
+  const auto add = [&](const std::string& name, const Vec3& albedo, const Vec3& corner, const Vec3& eu, const Vec3& ev) {
+    builtin::MeshBuilder m;
+    m.quad(corner, eu, ev);
+    b.add(name, m, b.material(name, albedo), false);
+  };
+  add("floor", Vec3(0.5f), Vec3(-3, 0, 3), Vec3(6, 0, 0), Vec3(0, 0, -6));
+  const Vec3 colours[] = {Vec3(0.8f, 0.1f, 0.1f), Vec3(0.1f, 0.7f, 0.2f), Vec3(0.1f, 0.2f, 0.8f), Vec3(0.8f, 0.7f, 0.1f)};
+  for (int k = 0; k < 4; ++k) {
+    const float turn = 0.37f * float(k), c = std::cos(turn), s = std::sin(turn);
+    add("rug " + std::to_string(k), colours[k], Vec3(-1.7f + 0.23f * float(k), 0, 1.3f - 0.11f * float(k)), Vec3(2.6f * c, 0, 0.9f * s),
+        Vec3(0.5f * s, 0, -2.3f));
+  }
+  if (roofed) add("roof", Vec3(0.4f), Vec3(-3, 0.6f, 3.5f), Vec3(6, 0, 0), Vec3(0, 0, -7));
+  b.rect("key", Vec3(-1.2f, 3, 1), Vec3(0.0f), 0.4f, 0.4f, Vec3(24, 22, 18));
+  b.camera("front", Vec3(0.6f, 1.3f, 4.2f), Vec3(0.0f), 40.0f);
+  return *b.finish();
+}
+
+TEST(Window, RaysHaveTheCompanyThatTheyHaveInTheWhole) {
+  const auto engine = makeEngine(), other = makeEngine(256ull << 20, {}, 1);
+  RenderControl control;
+  control.scene = rugs(false);
+  const auto render = [&](Engine& e, const v1::RenderRequest& r) {
+    Result<RenderResult> made = e.render(r, control);
+    EXPECT_TRUE(made.ok()) << made.status().toString();
+    return made.ok() ? std::move(*made) : RenderResult{};
+  };
+  for (const uint32_t viewSamples : {1u, 4u})
+    for (const bool filtered : {false, true}) {
+      v1::RenderRequest r = smallRequest("cornell", kWidth, kHeight);
+      r.set_view_samples(viewSamples);
+      for (const char* a : {"shadows.ray_traced.samples=2", "outputs=object_id,albedo,beauty"}) set(r, a);
+      if (filtered) set(r, "filters[0].median.radius_px=3");
+      const RenderResult whole = render(*engine, r);
+      ASSERT_EQ(whole.images.size(), 3u);
+      const Image& objects = whole.images[0].image();
+      EXPECT_GE((std::set<float>(objects.data.begin(), objects.data.end()).size()), 5u) << "not every rug is seen: the picture decides little";
+      // The last one begins at multiples of 4, and with its halo of 3 it does not.
+      for (const std::array<int, 4>& w : std::vector<std::array<int, 4>>{{13, 9, 17, 11}, {1, 0, 30, 20}, {16, 12, 13, 9}}) {
+        setWindow(r, w);
+        EXPECT_EQ(difference(whole, render(*other, r), w), "")
+            << w[0] << "," << w[1] << " " << w[2] << " x " << w[3] << ", " << viewSamples << " view samples" << (filtered ? ", filtered" : "");
+      }
+    }
+}
+
+/// The first plane that has other bits in `around`, a view with `guard` pixels more on each side.
+std::string guardedDifference(const Term& plain, const Term& around, int guard) {
+  const Extent e = plain.extent(), f = around.extent();
+  for (size_t k = 0; k < plain.planes().size(); ++k) {
+    const Plane &a = plain.planes()[k], &b = around.planes().at(k);
+    const size_t bytes = a.bytes.size() / e.elements();
+    for (size_t i = 0; i < e.elements(); ++i) {
+      const size_t row = i / size_t(e.width), x = i % size_t(e.width) + size_t(guard), y = row % size_t(e.height) + size_t(guard);
+      const size_t j = (row / size_t(e.height) * size_t(f.height) + y) * size_t(f.width) + x;
+      if (std::memcmp(a.bytes.data() + bytes * i, b.bytes.data() + bytes * j, bytes) != 0) return plain.type() + "." + a.name + " of " + std::to_string(i);
+    }
+  }
+  return {};
+}
+
+// A style's guard band is the other view that is not the film.
+TEST(Window, AGuardBandChangesNoSurfaceOfThePicture) {
+  const TaskArena arena(2);
+  for (const bool roofed : {false, true}) {
+    const ScenePtr scene = rugs(roofed);
+    tests::NodeRunner run(*scene, arena);
+    const GBufferSettings view{scene->cameras[0], kWidth, kHeight, 2};
+    const TermPtr seen = run(makeGBufferNode(view), {}), behind = run(makeHiddenSurfaceNode(view), {seen});
+    const auto instances = (roofed ? behind : seen)->plane<uint32_t>("instance");
+    EXPECT_GE((std::set<uint32_t>(instances.begin(), instances.end()).size()), 5u) << "not every rug counts";
+    for (const int guard : {1, 3, 6}) {
+      SCOPED_TRACE(std::to_string(guard) + (roofed ? ", roofed" : ""));
+      GBufferSettings wide = view;
+      wide.width += 2 * guard;
+      wide.height += 2 * guard;
+      wide.place = {-guard, -guard, kWidth, kHeight};
+      const TermPtr around = run(makeGBufferNode(wide), {});
+      EXPECT_EQ(guardedDifference(*seen, *around, guard), "");
+      EXPECT_EQ(guardedDifference(*behind, *run(makeHiddenSurfaceNode(wide), {around}), guard), "");
+    }
+  }
 }
 
 TEST(Window, AMapOfItsSizeStaysWhole) {

@@ -2,12 +2,16 @@
 // Estimators that resist outliers: breakdown points, limits, energy.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 
+#include "base/vec.h"
 #include "filters/outliers/picture_filters.h"
 #include "filters/outliers/sample_estimators.h"
 #include "filters/outliers/smoothing_filters.h"
 #include "path_density_clouds.h"
+#include "support/stopping.h"
 
 namespace gobo {
 namespace outliers_test {
@@ -108,6 +112,138 @@ TEST(Outliers, ReweightingDropsALoneFireflyAndKeepsWhatNeighboursHaveToo) {
   for (size_t i = 0; i < mean.size(); ++i) EXPECT_NEAR(double(all[i]), mean[i], 1e-4 * mean[i]);
   // Whatever there is below the lowest cascade stays, black and negative light too.
   EXPECT_EQ(estimate({-1, 0.25, 0, 0.5}, [](const auto& v, const auto& b) { return reweightedMean(v, b); }), -0.0625f);
+}
+
+/// Re-weighting as it is written down: whole pictures of each cascade, at most `most` of them.
+std::vector<float> reweightedByPictures(const pathdensity::SampleView& s, const SampleBins& all, const SampleBins& part, const Reweighting& r, int most) {
+  const double start = double(r.start), base = double(r.base);
+  const int count = std::clamp(int(std::log(3.0e38 / start) / std::log(base)) + 2, 2, most);
+  const auto startOf = [&](int k) { return start * std::pow(base, k); };
+  using Pictures = std::map<int, std::vector<DVec3>>;
+  const auto cascadesOf = [&](const SampleBins& bins) {
+    Pictures light;
+    const auto at = [&](int k, size_t p) -> DVec3& { return light.try_emplace(k, size_t(s.width) * size_t(s.height), DVec3(0.0)).first->second[p]; };
+    for (int y = 0; y < s.height; ++y)
+      for (int x = 0; x < s.width; ++x)
+        for (size_t i = bins.pixelBegin(x, y); i < bins.pixelEnd(x, y); ++i) {
+          const size_t p = size_t(y) * size_t(s.width) + size_t(x), j = 3 * size_t(bins.order[i]);
+          const DVec3 v = DVec3(double(s.direct[j]), double(s.direct[j + 1]), double(s.direct[j + 2])) +
+                          DVec3(double(s.indirect[j]), double(s.indirect[j + 1]), double(s.indirect[j + 2]));
+          const double l = 0.2126 * v.x + 0.7152 * v.y + 0.0722 * v.z;
+          if (!(l > start)) {
+            at(0, p) += v;
+            continue;
+          }
+          const int k = std::min(int(std::log(l / start) / std::log(base)), count - 2);
+          const double low = std::clamp((startOf(k) / l - 1 / base) / (1 - 1 / base), 0.0, 1.0);
+          at(k, p) += low * v;
+          at(k + 1, p) += (1 - low) * v;
+        }
+    return light;
+  };
+  const Pictures of = cascadesOf(all), summed = cascadesOf(part);
+  std::vector<float> out(3 * size_t(s.width) * size_t(s.height), 0.0f);
+  for (int y = 0; y < s.height; ++y)
+    for (int x = 0; x < s.width; ++x) {
+      const double n = double(part.pixelEnd(x, y) - part.pixelBegin(x, y));
+      const size_t p = size_t(y) * size_t(s.width) + size_t(x);
+      DVec3 sum(0.0);
+      for (const auto& [k, light] : summed) {
+        if (light[p] == DVec3(0.0)) continue;
+        double around = 0;
+        for (int v = std::max(y - 1, 0); v <= std::min(y + 1, s.height - 1); ++v)
+          for (int u = std::max(x - 1, 0); u <= std::min(x + 1, s.width - 1); ++u)
+            for (int j = k - 1; j <= k + 1; ++j) {
+              if (!of.count(j)) continue;
+              const DVec3& there = of.at(j)[size_t(v) * size_t(s.width) + size_t(u)];
+              around += std::max(0.0, 0.2126 * there.x + 0.7152 * there.y + 0.0722 * there.z) / startOf(j);
+            }
+        sum += (k == 0 ? 1.0 : std::clamp((around - 1) / (double(r.enough) - 1), 0.0, 1.0)) * light[p];
+      }
+      for (int c = 0; c < 3 && n > 0; ++c) out[3 * p + size_t(c)] = float(std::clamp(sum[c] / n, -3.4e38, 3.4e38));
+    }
+  return out;
+}
+
+/// The first samples of each pixel.
+SampleBins firstOf(const SampleBins& bins, size_t most) {
+  SampleBins b = bins;
+  b.order.clear();
+  b.slotStart.assign(1, 0);
+  for (size_t slot = 0; slot + 1 < bins.slotStart.size(); ++slot) {
+    const size_t begin = bins.slotStart[slot], end = std::min<size_t>(bins.slotStart[slot + 1], begin + most);
+    b.order.insert(b.order.end(), bins.order.begin() + ptrdiff_t(begin), bins.order.begin() + ptrdiff_t(end));
+    b.slotStart.push_back(uint32_t(b.order.size()));
+  }
+  return b;
+}
+
+// Tiles, threads and what is kept of the cascades change no bit; of fewer than 160 cascades, all that there once were, neither does their number.
+TEST(Outliers, ReweightingByTilesIsReweightingByPictures) {
+  const TaskArena one(1), three(3);
+  const struct { int width, height, samples; } sizes[] = {{1, 1, 9}, {33, 2, 7}, {3, 97, 4}, {32, 32, 3}, {67, 35, 5}};
+  uint64_t seed = 20;
+  for (const auto& size : sizes) {
+    // Brightness over 20 powers of ten, some of it below zero, and many of about the same.
+    const auto light = [&](uint64_t i, const Vec2&) {
+      const double kind = unit(seed, i, 5), bright = std::pow(10.0, kind < 0.5 ? unit(seed, i, 6) : 24 * unit(seed, i, 6) - 4);
+      return Vec3(float(bright), float(bright * unit(seed, i, 7)), float(kind > 0.9 ? -0.1 * bright : 0.3 * bright));
+    };
+    const auto samples = ++seed % 2 ? evenSamples(size.width, size.height, size.samples, seed, light)
+                                    : pathdensitytest::uniformSamples(size.width, size.height, size.samples, seed, light);  // some pixels have none
+    const auto view = samples.view();
+    const SampleBins all = binSamples(view), part = firstOf(all, 2);
+    for (const float base : {1.1f, 1.5f, 2.1f, 8.0f, 1000.0f})
+      for (const float start : {1e-12f, 1.0f}) {
+        SCOPED_TRACE(std::to_string(size.width) + "x" + std::to_string(size.height) + " base " + std::to_string(base) + " start " + std::to_string(start));
+        const Reweighting r{start, base, 3.0f};
+        const auto whole = reweightedByPictures(view, all, all, r, 1 << 20), ofPart = reweightedByPictures(view, all, part, r, 1 << 20);
+        if (base > 2) { EXPECT_EQ(whole, reweightedByPictures(view, all, all, r, 160)); }
+        for (const Rows& rows : {Rows{}, Rows{&one, {}}, Rows{&three, {}}}) {
+          EXPECT_EQ(reweightedMean(view, all, r, rows), whole);
+          EXPECT_EQ(reweightedPart(view, all, part, r, rows), ofPart);
+        }
+      }
+  }
+}
+
+// Cascades 1.1 apart reach 3.8e6 with their 160th: what is brighter is judged all the same.
+TEST(Outliers, ReweightingDropsFirefliesOfAnyBrightnessByAnyBase) {
+  for (const float base : {1.1f, 1.3f, 8.0f, 1000.0f})
+    for (const float firefly : {1e7f, 1e9f, 1e20f, 3e38f}) {
+      const auto lone = evenSamples(12, 12, 16, 1, [&](uint64_t i, const Vec2&) { return Vec3(i == 16 * (6 * 12 + 6) ? firefly : 0.5f); });
+      const auto view = lone.view();
+      const SampleBins bins = binSamples(view);
+      const auto out = reweightedMean(view, bins, {1.0f, base, 4.0f}), mean = meanPicture(view, bins);
+      EXPECT_GT(*std::max_element(mean.begin(), mean.end()), 0.01f * firefly);
+      const float most = *std::max_element(out.begin(), out.end());
+      EXPECT_LE(double(most), 0.5 + 1e-9 * double(firefly)) << base << " " << firefly;
+    }
+}
+
+// Two cascades a sample, whatever `base`, and no more pixels than some tiles have.
+TEST(Outliers, WhatReweightingHoldsGrowsNeitherWithItsBaseNorWithThePicture) {
+  const auto bytes = [](int width, int height, uint64_t samples, float base) { return reweightingBytes(width, height, samples, {1e-12f, base, 4.0f}); };
+  EXPECT_EQ(bytes(1920, 1080, 16, 1.1f), bytes(1920, 1080, 16, 2.0f));
+  EXPECT_GT(bytes(1920, 1080, 16, 1.1f), bytes(1920, 1080, 16, 1000.0f));  // that are fewer than 32
+  EXPECT_EQ(bytes(1920, 1080, 16, 1.1f), bytes(16384, 16384, 16, 1.1f));
+  EXPECT_LE(bytes(1920, 1080, 16, 1.1f), 64ull << 20);
+  EXPECT_LE(bytes(16384, 16384, 1 << 20, 1.1f), 2ull << 30);
+  // Of few pixels it is no more than what they have.
+  EXPECT_LE(bytes(1, 1, 16, 1.1f), 4096u);
+}
+
+TEST(Outliers, ReweightingStopsBetweenRows) {
+  const auto samples = evenSamples(70, 40, 4, 3, [](uint64_t i, const Vec2&) { return Vec3(float(unit(3, i, 5))); });
+  const auto view = samples.view();
+  const SampleBins bins = binSamples(view);
+  const int polls = gobo::tests::pollsOf([&](const StopToken& stop) { reweightedMean(view, bins, {}, {nullptr, stop}); });
+  EXPECT_GE(polls, 3 * 40);  // three tiles across
+  // Rows that were not begun are black.
+  const auto some = reweightedMean(view, bins, {}, {nullptr, gobo::tests::stopAt(20)});
+  EXPECT_EQ(std::count(some.begin() + 3 * 70 * 20, some.end(), 0.0f), 3 * 70 * 20);
+  const auto none = reweightedMean(view, bins, {}, {nullptr, gobo::tests::stoppedAlready()});
+  EXPECT_EQ(std::count(none.begin(), none.end(), 0.0f), 3 * 70 * 40);
 }
 
 TEST(Outliers, MediansOfPicturesTakeSpikesAndLeaveRamps) {

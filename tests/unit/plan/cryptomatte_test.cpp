@@ -10,6 +10,7 @@
 #include "plan/outputs.h"
 #include "request/request.h"
 #include "terms/cryptomatte.h"
+#include "trace/sample_passes.h"
 
 namespace gobo::cryptomatte_names_test {
 namespace {
@@ -55,13 +56,8 @@ TEST(CryptomatteNames, DifferentNamesOfOneIdAreTold) {
   EXPECT_EQ(cryptomatteCollisions({"ball23993", "ball112595", "ball112595"}), "names 'ball23993' and 'ball112595' have one id") << "once";
 }
 
-TEST(CryptomatteNames, RaysAreThoseOfHaltWithinBounds) {
-  const auto of = [](uint32_t spp, uint32_t slices = 1) {
-    v1::RenderRequest r;
-    if (spp) r.mutable_halt()->set_spp(spp);
-    return cryptomatteSamples(r, slices);
-  };
-  EXPECT_EQ(of(0), 64);
+TEST(CryptomatteNames, RaysAreThoseOfTheSamplesWithinBounds) {
+  const auto of = [](uint32_t spp, uint32_t slices = 1) { return cryptomatteSamples(passesFor(spp), slices); };
   EXPECT_EQ(of(1), 16);
   EXPECT_EQ(of(16), 16);
   EXPECT_EQ(of(17), 32) << "as many as paths";
@@ -71,10 +67,16 @@ TEST(CryptomatteNames, RaysAreThoseOfHaltWithinBounds) {
   EXPECT_EQ(of(4, 8), 4);
   EXPECT_EQ(of(1, 8), 2) << "16 in all";
   EXPECT_EQ(of(64, 8), 32) << "256 in all";
-  EXPECT_EQ(of(0, 8), 8);
   EXPECT_EQ(of(1, 256), 1);
   EXPECT_EQ(of(16, 12), 16);
   EXPECT_EQ(of(64, 12), 22);
+  for (const uint32_t slices : {1u, 3u, 16u})  // where more would change nothing none are waited for
+    for (uint32_t spp = 1; spp <= 512; spp *= 2)
+      if (!cryptomatteTakesMore(passesFor(spp), slices)) { EXPECT_EQ(of(spp, slices), of(1u << 20, slices)) << spp << " of " << slices; }
+  EXPECT_TRUE(cryptomatteTakesMore(passesFor(128), 1));
+  EXPECT_FALSE(cryptomatteTakesMore(passesFor(256), 1));
+  EXPECT_TRUE(cryptomatteTakesMore(passesFor(8), 16));
+  EXPECT_FALSE(cryptomatteTakesMore(passesFor(16), 16));
 }
 
 }  // namespace

@@ -4,12 +4,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <thread>
 
 #include "support/certificate_scenes.h"
 #include "support/engines.h"
 #include "support/instrumented.h"
+#include "support/tiny_scenes.h"
 
 namespace gobo::testing {
 namespace {
@@ -202,6 +204,62 @@ TEST(Engine, SnapshotsAreTheRendersOfTheirSampleCounts) {
   }
   EXPECT_TRUE(last->reply.has_certificate());
   EXPECT_EQ(firstDifference(*last, mustRender(*cold, r)), "");
+}
+
+// What takes no samples is whole at once: somebody who looks on gets the reply that he gets otherwise, which says the samples that were asked for.
+TEST(Engine, LookingOnChangesNothingOfWhatTakesNoSamples) {
+  tests::SceneMaker m;
+  m.instance(m.mesh(tests::ground(4.0f), m.material(Vec3(0.5f))));
+  LightShape lamp;
+  lamp.position = Vec3(0, 2, 0);
+  m.light(lamp, Vec3(10.0f));
+  m.camera(Vec3(0, 2, 4), Vec3(0.0f), 0.8f);
+  const ScenePtr scene = m.finish();
+  for (const bool certified : {false, true}) {
+    v1::RenderRequest r = smallRequest("made", 24, 16, 128);
+    if (certified) {
+      for (const char* e : {"shadows.ray_traced.samples=1", "integrator.indirect=false", "certificate.spp=4", "certificate.min_pixels=50"}) set(r, e);
+    } else {
+      set(r, "outputs=depth");
+    }
+    RenderControl control;
+    control.scene = scene;
+    const Result<RenderResult> plain = makeEngine()->render(r, control);
+    ASSERT_TRUE(plain.ok()) << plain.status().toString();
+    for (const v1::NodeReport& row : plain->reply.plan()) EXPECT_EQ(row.samples(), 0u) << row.node();
+    for (const bool ladder : {false, true}) {
+      control.ladder = ladder;
+      control.snapshot = [](const RenderResult&) { ADD_FAILURE() << "shown what is the reply"; };
+      const Result<RenderResult> watched = makeEngine()->render(r, control);
+      ASSERT_TRUE(watched.ok()) << watched.status().toString();
+      EXPECT_EQ(watched->reply.resolved().halt().spp(), 128u) << ladder;
+      EXPECT_EQ(watched->reply.has_certificate(), certified) << ladder;
+      EXPECT_EQ(watched->reply.resolved().has_certificate(), certified) << ladder;
+      EXPECT_EQ(watched->reply.request_hash(), plain->reply.request_hash()) << ladder;
+      EXPECT_EQ(firstDifference(*watched, *plain), "") << ladder;
+    }
+    control.snapshot = nullptr;
+  }
+}
+
+// A snapshot says nothing of the certificate that it does not have.
+TEST(Engine, WarningsOfACertificateAreWhereItIs) {
+  v1::RenderRequest r = smallRequest("cornell", 16, 12, 32);
+  for (const char* e : {"filters[0].gaussian.sigma_px=0.8", "certificate.spp=4", "certificate.min_pixels=20"}) set(r, e);
+  const auto warned = [](const RenderResult& made) {
+    const auto& all = made.reply.warnings();
+    return std::any_of(all.begin(), all.end(), [](const std::string& w) { return w.starts_with("request.certificate: compares"); });
+  };
+  int shown = 0;
+  RenderControl control;
+  control.snapshot = [&](const RenderResult& s) {
+    EXPECT_FALSE(warned(s));
+    ++shown;
+  };
+  const Result<RenderResult> last = makeEngine()->render(r, control);
+  ASSERT_TRUE(last.ok()) << last.status().toString();
+  EXPECT_EQ(shown, 1);  // 16
+  EXPECT_TRUE(warned(*last));
 }
 
 TEST(Engine, TheLadderBeginsSmallAndChangesNoBit) {

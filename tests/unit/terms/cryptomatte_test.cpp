@@ -259,6 +259,13 @@ TEST(Cryptomatte, KeyHasAllThatTheResultHangsOn) {
   differs([](auto& k) { k.materials[1] ^= 1; }, "materials");
   differs([](auto& k) { k.objects.clear(); }, "no objects");
   differs([](auto& k) { k.materials.clear(); }, "no materials");
+  for (const bool materials : {false, true})
+    differs(
+        [materials](auto& k) {
+          (materials ? k.materials : k.objects).clear();
+          (materials ? k.ofMaterials : k.ofObjects) = true;
+        },
+        "asked for, and there are none");
   differs([](auto& k) { std::swap(k.objects, k.materials); }, "which is which");
   differs([](auto& k) { k.view.width = 23; }, "width");
   differs([](auto& k) { k.view.camera.yfov = 0.6f; }, "camera");
@@ -268,6 +275,8 @@ TEST(Cryptomatte, KeyHasAllThatTheResultHangsOn) {
   same.view.viewSamples = 9;
   same.view.part = GBufferPart::Hits;
   EXPECT_EQ(keyOf(same), keyOf(base)) << "what beauty's view samples are does not matter";
+  same.ofObjects = same.ofMaterials = true;
+  EXPECT_EQ(keyOf(same), keyOf(base)) << "where there are ids they were asked for";
 }
 
 }  // namespace
