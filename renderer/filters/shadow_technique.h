@@ -29,6 +29,9 @@ struct ShadowInput {
   bool clear = false;  ///< hasClearSurfaces(scene) (trace/straight.h): visibility is RGB
 };
 
+/// False of rectangles and disks that shine to both sides: a map is one view from the light, of what lies on its axis' side.
+inline bool oneSided(const LightShape& shape) { return !(shape.twoSided && (shape.kind == LightKind::Rect || shape.kind == LightKind::Disk)); }
+
 struct ShadowTechniqueEntry {
   v1::ShadowTechnique::TechniqueCase key;
   const char* name;
@@ -37,10 +40,13 @@ struct ShadowTechniqueEntry {
   /// Adds nodes; returns the one whose term holds plane "V" (float, [0,1], view-sample domain; one channel, or RGB where the scene is
   /// `clear`). Techniques that use a map leave clear surfaces to planTint (filters/tinted_visibility.h).
   Result<NodeId> (*plan)(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
-  bool usesMap = false;  ///< reads ShadowTechnique.map
+  bool usesMap = false;  ///< reads ShadowTechnique.map; then lights must be oneSided
   /// Which lights of those kinds it can do; null: all of them.
   bool (*suits)(const LightShape& shape) = nullptr;
-  bool does(const LightShape& shape) const { return supports(shape.kind) && (!suits || suits(shape)); }
+  bool does(const LightShape& shape) const {
+    if (usesMap && !oneSided(shape)) return false;
+    return supports(shape.kind) && (!suits || suits(shape));
+  }
 };
 
 /// Adds a filter labelled "what:LIGHT".

@@ -235,6 +235,11 @@ class Chooser {
       return graph_.add({makeMapProbeNode({*map, base_.bias, base_.slopeBias, input_.clear}), {node_}, {}, "map_probe:" + of, 0, input_.scene, false});
     ShadowInput there = input_;
     there.gbuffer = node_;
+    if (there.place.x >= 0) {  // taps are turned by the order of the probe's pixels, whatever the window; a style's guard stays, for map.fit = CAMERA
+      there.width = input_.filmWidth();
+      there.height = input_.filmHeight();
+      there.place = {};
+    }
     const NodeId before = graph_.size();
     GOBO_ASSIGN(const NodeId visibility, planPercentageCloserSoftWork(graph_, there, choice_.candidates[k].technique));
     if (visibility >= before)  // structurally equal nodes are one

@@ -109,22 +109,20 @@ Result<Candidates> shadowCandidates(const ShadowInput& input, const v1::ShadowTe
                          .workNs = {(n - kFilterPilot) * ray, cost.filterTap}});
     }
   }
-  if (!shadowMapSupports(light.kind)) return out;
-  Vec3 lo, hi;
-  input.scene->bounds(lo, hi);
+  if (!shadowMapSupports(light.kind) || !oneSided(light)) return out;
   for (const int resolution : soft ? std::span<const int>(kSoftMaps) : std::span<const int>(kHardMaps)) {
-    ProbeMap map;
-    map.resolution = resolution;
-    GOBO_ASSIGN(map.frames, fitLightFrames(light, lo, hi, resolution, 2));
-    const double texels = double(resolution) * resolution, depth = map.frames.count * cost.depth(texels, shapes.triangles);
     AutomaticCandidate c;
     *c.technique.mutable_map() = technique.map();
     c.technique.mutable_map()->set_resolution(uint32_t(resolution));
+    if (soft) c.technique.mutable_percentage_closer_soft();
+    else c.technique.mutable_percentage_closer();
+    GOBO_ASSIGN(const PlannedShadowMap planned, fitShadowMap(input, c.technique, soft ? 1 : percentageCloserRim(c.technique)));
+    const ProbeMap map{planned.frames, resolution};
+    const double texels = double(resolution) * resolution, depth = map.frames.count * cost.depth(texels, shapes.triangles);
     const std::string size = std::to_string(resolution) + " texels";
     if (!soft) {
-      c.technique.mutable_percentage_closer();
       c.text = "percentage_closer, " + size;
-      add(std::move(c), {.ms = (depth + samples * cost.hardLookup) * 1e-6, .virtualMap = std::move(map)});
+      add(std::move(c), {.ms = (depth + samples * cost.hardLookup) * 1e-6, .virtualMap = map});
       continue;
     }
     const double mapMs = (depth + map.frames.count * cost.softTexel * texels) * 1e-6;

@@ -48,6 +48,35 @@ void LightFrame::hash(Hasher& h) const {
   h.add(perspective).addPod(origin).addPod(right).addPod(up).addPod(forward).addPod(lo).addPod(hi).add(near).add(far).add(start).add(sees);
 }
 
+namespace {
+
+struct Tangents {
+  Vec2 lo{3.0e38f}, hi{-3.0e38f};
+  void add(const Vec2& t) {
+    lo = glm::min(lo, t);
+    hi = glm::max(hi, t);
+  }
+};
+
+/// Of the part of a box that lies beyond `least` in front of the light: of its corners there, and of where its edges come from behind, whose tangents grow
+/// without bound on the way, to a side that neither corner need lie on. `q`: the corners in the light's axes; bit k of a corner's number is its axis k.
+Tangents tangentsInFront(const Vec3 (&q)[8], double least) {
+  Tangents t;
+  for (int corner = 0; corner < 8; ++corner) {
+    const DVec3 a(q[corner]);
+    if (a.z > least) t.add(Vec2(q[corner].x, q[corner].y) / q[corner].z);
+    for (const int bit : {1, 2, 4}) {
+      const DVec3 b(q[corner | bit]);
+      if ((a.z > least) == (b.z > least)) continue;
+      const DVec3 at = a + (b - a) * ((least - a.z) / (b.z - a.z));
+      t.add(Vec2(float(at.x / least), float(at.y / least)));
+    }
+  }
+  return t;
+}
+
+}  // namespace
+
 Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels) {
   LightFrame f;
   float tangent = std::tan(kMaxHalfAngle);
@@ -77,16 +106,12 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
   f.up = basis.y;
   f.origin = f.perspective ? light.position : empty ? Vec3(0.0f) : 0.5f * lo + 0.5f * hi;
 
-  Vec3 low(3.0e38f), high(-3.0e38f);  // of the corners in the light's axes
-  Vec2 lowTan(3.0e38f), highTan(-3.0e38f);
+  Vec3 q[8] = {}, low(3.0e38f), high(-3.0e38f);  // the corners in the light's axes
   for (int corner = 0; corner < 8 && !empty; ++corner) {
     const Vec3 p = Vec3(corner & 1 ? hi.x : lo.x, corner & 2 ? hi.y : lo.y, corner & 4 ? hi.z : lo.z) - f.origin;
-    const Vec3 q(glm::dot(p, f.right), glm::dot(p, f.up), glm::dot(p, f.forward));
-    low = glm::min(low, q);
-    high = glm::max(high, q);
-    const Vec2 t = Vec2(q.x, q.y) / std::max(q.z, 1e-20f);
-    lowTan = glm::min(lowTan, t);
-    highTan = glm::max(highTan, t);
+    q[corner] = Vec3(glm::dot(p, f.right), glm::dot(p, f.up), glm::dot(p, f.forward));
+    low = glm::min(low, q[corner]);
+    high = glm::max(high, q[corner]);
   }
   if (f.perspective) {
     f.lo = Vec2(-tangent);
@@ -96,8 +121,8 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
     if (!empty && high.z > 0.0f) {
       f.far = high.z;
       f.near = std::max(low.z, 0.0f);
-      // Corners beside or behind the light have tangents beyond any window, so what is left covers all that lies in front.
-      const Vec2 a = glm::max(f.lo, lowTan), b = glm::min(f.hi, highTan);
+      const Tangents t = tangentsInFront(q, 1e-6 * glm::length(DVec3(hi) - DVec3(lo)));
+      const Vec2 a = glm::max(f.lo, t.lo), b = glm::min(f.hi, t.hi);
       if (a.x <= b.x && a.y <= b.y) {
         f.lo = a;
         f.hi = b;

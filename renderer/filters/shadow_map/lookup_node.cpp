@@ -69,7 +69,7 @@ class LookupNode : public Node {
     else texture.emplace(map, l_.map.resolution, basis_->logarithmic());
     if (classified()) bounds.emplace(*ctx.inputs.at(2), l_.map.resolution);
     const bool done = ctx.arena->parallelFor(
-        V.size(), 4096,
+        V.size(), receiverGrain(classified() ? repairReads() : 1),
         [&](size_t begin, size_t end) {
           ReceiverBlock b;
           std::vector<float> values(size_t(basis_->channels()) * kN);
@@ -172,10 +172,11 @@ class LookupNode : public Node {
     return formulas::fastExp(0.5f * (x * x * (blur * blur + beyond.x * beyond.x) + y * y * (blur * blur + beyond.y * beyond.y)));
   }
 
+  static constexpr int kExact = 1024;  // texels that reachesBehind() reads at most
+
   // Is any depth that the lookup reads further behind the receiver than its own surface spans? The pyramid's bounds first, wider than the
   // kernel by up to its size; then, for kernels that are not large, its texels.
   bool reachesBehind(const DepthBounds& bounds, const ReceiverBlock& b, int i) const {
-    constexpr int kExact = 1024;  // texels
     const int side = l_.map.resolution;
     const Vec2 t = touched(b, i);
     const auto low = [](float at, float by) { return std::max(int(at - std::min(by, at)), 0); };
@@ -192,6 +193,12 @@ class LookupNode : public Node {
       for (int x = x0; x <= x1; ++x) hi = std::max(hi, row[x]);
     }
     return end < hi;
+  }
+
+  /// Texels, at most.
+  double repairReads() const {
+    const double side = 2 * (l_.fallbackKernel ? l_.map.blur : 0) + 2;
+    return kExact + side * side;
   }
 
   // Thesis 7.3: where the kernel reaches behind the receiver the exponential has no meaning; there depths are compared.

@@ -59,7 +59,7 @@ class PercentageCloserNode : public Node {
     const bool skips = bounds && readsDepthBounds(l_);
     const bool bilinear = !l_.hard && l_.pattern == v1::PercentageCloserShadow::REGULAR && l_.taps == 2;
     const bool done = ctx.arena->parallelFor(
-        V.size(), 4096,
+        V.size(), receiverGrain(texelsRead()),
         [&](size_t begin, size_t end) {
           ReceiverBlock b;
           int32_t verdict[ReceiverBlock::kSize];
@@ -90,6 +90,12 @@ class PercentageCloserNode : public Node {
     size_t faceTexels;
   };
   ReceiverNeeds needs() const { return {.slopes = l_.map.slopeBias > 0.0f, .footprints = footprints()}; }
+  /// Texels, at most.
+  double texelsRead() const {
+    if (l_.hard) return 1;
+    const double side = turns() ? 4 * l_.taps : before_ + after_ + 1;  // a point of a disk takes as long as 16 texels: it is turned
+    return side * side;
+  }
   bool footprints() const { return !l_.hard && l_.pattern == v1::PercentageCloserShadow::FOOTPRINT; }
   bool turns() const { return !l_.hard && l_.pattern == v1::PercentageCloserShadow::POISSON; }
 

@@ -2,6 +2,7 @@
 // Receivers: where view samples fall in a shadow map, in blocks that stay in the first-level cache and that loops vectorise over.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 
@@ -21,6 +22,12 @@ struct ReceiverBlock {
   int32_t face[kSize];
   int32_t covered[kSize];  ///< 1: the map has something to say; 0: lit
 };
+
+/// Receivers a task takes that read so many texels each: whole blocks, 4096 at most, and of some 2 million texels (2 ms), so that a stop is soon seen.
+inline size_t receiverGrain(double texels) {
+  const double blocks = double(1 << 21) / (std::max(texels, 1.0) * ReceiverBlock::kSize);
+  return ReceiverBlock::kSize * size_t(std::clamp(blocks, 1.0, 4096.0 / ReceiverBlock::kSize));
+}
 
 /// Which parts of a block are wanted.
 struct ReceiverNeeds {

@@ -16,6 +16,8 @@ namespace {
 
 using Settings = v1::ShadowMapSettings;
 
+constexpr double kTableMomentBias = 2e-4;  // tables round moments to 1/32767: below 5e-5 umbras of a single depth are lit here and there
+
 }  // namespace
 
 ShadowMapSettings shadowMapSettings(const Settings& m) {
@@ -76,9 +78,21 @@ CameraFit cameraFit(const ShadowInput& input, const v1::ShadowTechnique& techniq
 
 bool shadowMapSupports(LightKind kind) { return kind != LightKind::Environment && kind != LightKind::Mesh; }
 
-Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, int rim) {
+int percentageCloserRim(const v1::ShadowTechnique& technique) {
+  const v1::PercentageCloserShadow& m = technique.percentage_closer();
+  const int taps = int(numberParameter(m, "taps"));
+  switch (m.pattern()) {
+    case v1::PercentageCloserShadow::GAUSSIAN: return int(numberParameter(technique.map(), "blur")) + 1;
+    case v1::PercentageCloserShadow::FOOTPRINT: return 9;
+    case v1::PercentageCloserShadow::POISSON: return taps / 2 + 1;
+    default: return (taps + 1) / 2;
+  }
+}
+
+Result<PlannedShadowMap> fitShadowMap(const ShadowInput& input, const v1::ShadowTechnique& technique, int rim) {
   const Light& light = input.scene->lights.at(size_t(input.light));
-  if (!shadowMapSupports(light.shape.kind)) return invalidArgument("light '" + light.name + "' is a mesh or an environment: a shadow map is not made for it");
+  if (!shadowMapSupports(light.shape.kind) || !oneSided(light.shape))
+    return invalidArgument("light '" + light.name + "' is a mesh, an environment or shines to both sides: a shadow map is not made for it");
   PlannedShadowMap p;
   p.map = shadowMapSettings(technique.map());
   GOBO_TRY(checkShadowRange("map.resolution", p.map.resolution, 1, 8192));
@@ -94,10 +108,15 @@ Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, c
   if (p.map.cameraFit) fitToCamera(p.frames, cameraFit(input, technique, light.shape, p.frames.face[0]), lo, hi, p.map.resolution, rim);
   p.view.perspective = input.camera.perspective;
   p.view.eye = input.camera.perspective ? Vec3(input.camera.toWorld[3]) : Vec3(input.camera.toWorld[2]);
+  return p;
+}
+
+Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, int rim) {
+  GOBO_ASSIGN(PlannedShadowMap p, fitShadowMap(input, technique, rim));
   GraphNode depth;
   depth.node = makeLightDepthMapNode(p.frames, p.map.resolution, DepthMethod::Automatic, input.clear);
   depth.scene = input.scene;
-  depth.label = "light_depth_map:" + light.name;
+  depth.label = "light_depth_map:" + input.scene->lights[size_t(input.light)].name;
   p.depth = graph.add(std::move(depth));
   return p;
 }
@@ -144,12 +163,7 @@ Result<NodeId> planPercentageCloser(Graph& graph, const ShadowInput& input, cons
   const int taps = int(numberParameter(m, "taps"));
   GOBO_TRY(checkShadowRange("percentage_closer.taps", taps, 1, 16));
   const auto pattern = m.pattern() == v1::PercentageCloserShadow::PATTERN_UNSPECIFIED ? v1::PercentageCloserShadow::REGULAR : m.pattern();
-  const int blur = int(numberParameter(technique.map(), "blur"));
-  GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique,
-                                                      pattern == v1::PercentageCloserShadow::GAUSSIAN    ? blur + 1
-                                                      : pattern == v1::PercentageCloserShadow::FOOTPRINT ? 9
-                                                      : pattern == v1::PercentageCloserShadow::POISSON   ? taps / 2 + 1
-                                                                                                         : (taps + 1) / 2));
+  GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, percentageCloserRim(technique)));
   PercentageCloserLookup l{p.frames, p.map, p.view};
   l.pattern = pattern;
   l.taps = taps;
@@ -216,7 +230,9 @@ Result<NodeId> planExponentialVarianceShadow(Graph& graph, const ShadowInput& in
                       makeExponentialVarianceBasis(number("c_positive"), number("c_negative"), number("min_variance"), number("bleeding_reduction")), false);
 }
 Result<NodeId> planMomentShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& t) {
-  return planFiltered(graph, input, t, makeMomentBasis(t.moment()), false);
+  v1::MomentShadow m = t.moment();
+  if (t.map().lookup() == Settings::SUMMED_AREA) m.set_moment_bias(std::max(numberParameter(m, "moment_bias"), kTableMomentBias));
+  return planFiltered(graph, input, t, makeMomentBasis(m), false);
 }
 
 Result<NodeId> planExponentialShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& t) {

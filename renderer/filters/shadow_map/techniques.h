@@ -18,8 +18,11 @@ struct PlannedShadowMap {
   ShadowView view;
   NodeId depth = -1;
 };
-/// Fits the frames and adds light_depth_map. `rim`: texels that filters reach beyond a receiver. Errors: InvalidArgument for lights that have
-/// no map, ResourceExhausted for maps beyond `shadows.map` memory bounds.
+/// All but the node. `rim`: texels that filters reach beyond a receiver. Errors: InvalidArgument for lights that have no map.
+Result<PlannedShadowMap> fitShadowMap(const ShadowInput& input, const v1::ShadowTechnique& technique, int rim);
+/// The rim of planPercentageCloser.
+int percentageCloserRim(const v1::ShadowTechnique& technique);
+/// fitShadowMap, and adds light_depth_map. Errors: ResourceExhausted, too, for maps beyond `shadows.map` memory bounds.
 Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, int rim);
 /// Adds depth_bounds over it.
 NodeId planDepthBounds(Graph& graph, const ShadowInput& input, const PlannedShadowMap& map);

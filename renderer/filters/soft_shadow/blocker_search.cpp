@@ -10,7 +10,8 @@ inline namespace filters {
 
 using namespace formulas;
 
-void BlockerSearch::run(const SoftReceivers& receivers, const DepthBounds& bounds, size_t first, int count, bool skip, float* V, Work& w) const {
+bool BlockerSearch::run(const SoftReceivers& receivers, const DepthBounds& bounds, size_t first, int count, bool skip, float* V, Work& w,
+                        const StopToken& stop) const {
   SoftBlock& b = w.b;
   receivers.fill(first, count, b, V);
   w.count = 0;
@@ -36,7 +37,7 @@ void BlockerSearch::run(const SoftReceivers& receivers, const DepthBounds& bound
     receivers.width(b, w.taps.receiver[k], receivers.metric(b.at.face[w.taps.receiver[k]], w.taps.nearest[k]), s.wx, s.wy);
     s.box = receivers.box(b, w.taps.receiver[k], s.wx, s.wy);
   }
-  softSums(SoftAsk::Blockers, receivers, bounds, pattern_, first, w, [&](int i) { return w.search[i].box; });
+  if (!softSums(SoftAsk::Blockers, receivers, bounds, pattern_, first, w, stop, [&](int i) { return w.search[i].box; })) return false;
   int blocked = 0;
   for (int k = 0; k < w.count; ++k) {
     const int i = w.open[k];
@@ -47,6 +48,7 @@ void BlockerSearch::run(const SoftReceivers& receivers, const DepthBounds& bound
     w.open[blocked++] = i;
   }
   w.count = blocked;
+  return true;
 }
 
 }  // namespace filters

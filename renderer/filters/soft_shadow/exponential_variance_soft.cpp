@@ -41,7 +41,7 @@ class ExponentialVarianceSoftNode : public Node {
     const auto& term = ctx.result;
     const std::span<float> V = term->writable<float>("V");
     const bool done = ctx.arena->parallelFor(
-        V.size(), 4096,
+        V.size(), receiverGrain(2.0 * l_.searchTaps),  // probe and search
         [&](size_t begin, size_t end) {
           auto w = std::make_unique<Work>(l_.map.resolution);
           for (size_t first = begin; first < end; first += kN) block(receivers, bounds, chain, first, int(std::min<size_t>(kN, end - first)), &V[first], *w);

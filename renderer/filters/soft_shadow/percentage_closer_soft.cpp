@@ -2,6 +2,7 @@
 // Filter: percentage-closer soft shadows (Fernando 2005). `dense` reads every texel of both kernels and is what the pre-filtered techniques
 // approximate; otherwise kernels of many more texels than taps are read at taps, smaller ones are dense all the same (blocker_search.h).
 #include <algorithm>
+#include <atomic>
 
 #include "filters/soft_shadow/blocker_search.h"
 #include "formulas/soft_shadow.glsl.h"
@@ -40,13 +41,17 @@ class PercentageCloserSoftNode : public Node {
     const auto& term = ctx.result;
     const std::span<float> V = term->writable<float>("V");
     const std::span<float> work = l_.work ? term->writable<float>("work") : std::span<float>();
+    std::atomic<bool> whole{true};  // no block was given up
     const bool done = ctx.arena->parallelFor(
-        V.size(), 4096,
+        V.size(), receiverGrain(texelsRead()),
         [&](size_t begin, size_t end) {
           auto w = std::make_unique<Work>(l_.map.resolution);
           for (size_t first = begin; first < end; first += SoftBlock::kSize) {
             const int count = int(std::min<size_t>(SoftBlock::kSize, end - first));
-            block(receivers, bounds, first, count, &V[first], *w);
+            if (!block(receivers, bounds, first, count, &V[first], *w, ctx.stop)) {
+              whole.store(false, std::memory_order_relaxed);
+              return;
+            }
             for (int i = 0; l_.work && i < count; ++i) {
               const SoftWork& done = w->done[i];
               float* to = &work[SoftWork::kChannels * (first + size_t(i))];
@@ -55,20 +60,25 @@ class PercentageCloserSoftNode : public Node {
           }
         },
         ctx.stop);
-    if (!done) return Status(Code::Cancelled, type() + " stopped");
+    if (!done || !whole.load()) return Status(Code::Cancelled, type() + " stopped");
     return TermPtr(term);
   }
 
  private:
   using Work = BlockerSearch::Work;
-  void block(const SoftReceivers& receivers, const DepthBounds& bounds, size_t first, int count, float* V, Work& w) const {
-    search_.run(receivers, bounds, first, count, l_.skip, V, w);
-    softSums(SoftAsk::Share, receivers, bounds, filter_, first, w, [&](int i) { return receivers.box(w.b, i, w.wx[i], w.wy[i]); });
+  /// Texels, at most: probe, search, filter. Of whole maps softSums looks out for a stop between receivers.
+  double texelsRead() const { return l_.dense ? 2.0 * l_.map.resolution * l_.map.resolution : 2.0 * l_.searchTaps + l_.filterTaps; }
+
+  /// False: stopped.
+  bool block(const SoftReceivers& receivers, const DepthBounds& bounds, size_t first, int count, float* V, Work& w, const StopToken& stop) const {
+    if (!search_.run(receivers, bounds, first, count, l_.skip, V, w, stop)) return false;
+    if (!softSums(SoftAsk::Share, receivers, bounds, filter_, first, w, stop, [&](int i) { return receivers.box(w.b, i, w.wx[i], w.wy[i]); })) return false;
     for (int k = 0; k < w.count; ++k) {
       const int i = w.open[k];
       // A sum of every weight is 1, however it rounds: an umbra is dark whether bounds or texels say so.
       V[i] = w.blocked[i] > 1.0f - 4e-6f ? 0.0f : softVisibility(w.blocked[i], w.b.above[i]);
     }
+    return true;
   }
 
   PercentageCloserSoftLookup l_;

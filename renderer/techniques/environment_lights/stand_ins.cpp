@@ -90,7 +90,10 @@ Status bringStandIns(PlanContext& c, int map, const StandIns& lights) {
   if (lights.ambient == std::array<Vec3, 9>{}) return {};
   AmbientLightSettings s{lights.ambient, c.scene()->environment->rotation, c.view().width, c.view().height, c.view().viewSamples};
   for (Vec3& coefficient : s.radiance) coefficient *= nominal;
+  s.extended = c.kinds().extended;
+  s.camera = c.view().camera;
   GraphNode n{makeAmbientLightNode(s), {c.gbuffer(), c.surface()}, {}, "ambient:environment"};
+  if (s.extended) n.scene = c.scene();
   n.approximate = "what the area lights leave of the map is not shadowed and reaches the diffuse lobe alone";
   c.add({c.graph().add(std::move(n)), "rgb", c.groupGain(group), front(c.apart().lobes ? LobePart::Diffuse : LobePart::Both), group});
   return {};

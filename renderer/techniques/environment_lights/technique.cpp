@@ -25,6 +25,11 @@ class EnvironmentLights final : public Technique {
       c.warn("request.environment.area_lights_if_worth: changes nothing, for request.environment.area_lights asks for none");
     const int map = environmentLight(*c.scene());
     if (map < 0 || !c.scene()->environment || (sky.area_lights() == 0 && sky.extract_lights() == 0)) return {};
+    if (c.cameraInVolume()) {
+      const std::string field = sky.area_lights() > 0 ? "area_lights" : "extract_lights";
+      c.warn("environment." + field + ": the camera is inside a volume: the map is path traced");
+      return {};
+    }
     if (sky.area_lights() > 0 && sky.area_lights_if_worth()) {
       GOBO_ASSIGN(const LightsWorth worth, worthOfAreaLights(c, map));
       c.prune(worth.lights ? "path tracing of the environment map" : "area lights of the environment map", worth.why);

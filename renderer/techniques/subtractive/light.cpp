@@ -28,7 +28,7 @@ class LightNode final : public Node {
  public:
   explicit LightNode(const LightSettings& s) : s_(s) {}
   std::string type() const override { return "subtractive_light"; }
-  int version() const override { return 2; }  // 2: negative light by channel
+  int version() const override { return 3; }  // 2: negative light by channel; 3: gloss of glass
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;
@@ -93,7 +93,7 @@ class LightNode final : public Node {
         few[0] = few[1] = {};
         add(e, 1.0f), sum = 1.0f;
       }
-      const LobeAlbedos by = in.albedos(e, in.bsdf(e));
+      const LobeAlbedos by = in.divisors(e, in.bsdf(e));
       for (FewLights& f : few) f.unshadowed /= sum, f.visible /= sum, f.squares /= sum, f.seen /= sum;
       const Vec3 of[2] = {by.diffuse, by.specular};
       for (size_t k = 0; k < 2; ++k) {

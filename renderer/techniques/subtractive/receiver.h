@@ -72,8 +72,17 @@ struct Receivers {
     if (!out.lambert() && out.n != out.ng) out.bsdf.facing = out.frame().toLocal(out.ng);
     return out;
   }
-  /// What the lobes reflect of light from everywhere: what light is divided by before it is resampled, and multiplied with after.
+  /// What the lobes reflect of light from everywhere, but for glass.
   LobeAlbedos albedos(size_t e, const BsdfParams& b) const { return bsdfLobeAlbedos(b, std::clamp(glm::dot(at(N, e), out(e)), 1e-3f, 1.0f)); }
+  /// What light is divided by before it is resampled, and multiplied with after: these, and of glass the gloss of the same material if it let nothing through.
+  /// Where both are of one place they cancel, so any number does that is as smooth as the lobe.
+  LobeAlbedos divisors(size_t e, BsdfParams b) const {
+    LobeAlbedos out = albedos(e, b);
+    if (!(b.transmission > 0.0f)) return out;
+    b.transmission = 0.0f;
+    out.specular = albedos(e, b).specular;
+    return out;
+  }
 
   const GBufferSettings& view;
   Vec3 eye, back;

@@ -3,7 +3,7 @@
 // every r-th row), and those that none on the grid speaks for (another surface, another orientation), which are found here by geometry alone. Of all samples
 // that are traced every light is, so at r = 1 this is the lights' direct light.
 // Inputs: G-buffer, surface. Term "subtractive_samples", domain ViewSample:
-//   "unshadowed", "visible" f32x6   diffuse and specular radiance by what the lobes reflect of light from everywhere (Receivers::albedos), sums over lights
+//   "unshadowed", "visible" f32x6   diffuse and specular radiance by what the lobes reflect of light from everywhere (Receivers::divisors), sums over lights
 //   "moments" f32x4                 sums of squares of the lights' shares in their luminance, and of those that are seen: diffuse, its seen, specular, its seen
 //   "traced" u8                     1 where these are; elsewhere all of it is 0
 // The visible sum is no more than the unshadowed one, and the same bits where nothing stands before the lights. Sums in double.

@@ -84,7 +84,7 @@ TracedSample sampleAt(const Receivers& in, size_t e) {
   TracedSample out;
   out.element = e;
   out.point = in.point(e, b);
-  out.by = in.albedos(e, out.point.bsdf);
+  out.by = in.divisors(e, out.point.bsdf);
   return out;
 }
 

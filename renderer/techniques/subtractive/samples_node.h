@@ -22,7 +22,7 @@ struct TracedSample {
 struct Arrivals {
   enum class Way : uint8_t { Ray, Open, Closed };  ///< to be traced; seen or hidden without a ray
   struct Light {
-    Vec3 lobe[2];  ///< diffuse and specular radiance by the lobes' albedos
+    Vec3 lobe[2];  ///< diffuse and specular radiance by Receivers::divisors
     LightPoint point;
     Way way = Way::Ray;
   };

@@ -48,9 +48,10 @@ NodePtr makeEnvironmentSplitNode(EnvironmentPtr map, int bands, int lights, doub
 NodePtr makeTransferredLightNode(const TransferSettings& settings, float rotation, const Vec3& scale, bool bounced);
 /// Term "transfer_places", domain ViewSample: "point" u32x6 | "weight" f32x6 (zero where nothing is hit). Inputs: G-buffer, points.
 NodePtr makeTransferPlacesNode(const TransferSettings& settings, const GBufferSettings& view);
-/// Term "direct_light", domain Pixel, "rgb": mean over view samples of the diffuse lobe's albedo / pi times `part` ("direct" or "bounced") at the place.
-/// Inputs: G-buffer, surface, places, transferred light. Not of materials whose lobes the surface term does not hold.
-NodePtr makeTransferredSurfaceNode(const TransferSettings& settings, const GBufferSettings& view, const char* part);
+/// Term "direct_light", domain Pixel, "rgb": mean over view samples of the diffuse lobe's albedo (below what lies on it) / pi times `part` ("direct" or
+/// "bounced") at the place. Inputs: G-buffer, surface, places, transferred light. `extended`: there are materials that the surface term does not hold, which
+/// are read again.
+NodePtr makeTransferredSurfaceNode(const TransferSettings& settings, const GBufferSettings& view, const char* part, bool extended);
 /// Term "gloss_levels", domain Table, in the map's axes: planes of gloss_levels.h. Input: environment split.
 NodePtr makeGlossLevelsNode(EnvironmentPtr map);
 /// Term "direct_light", domain Pixel, "rgb": mean over view samples of the specular lobes' albedo times the light that they look at. `part`:

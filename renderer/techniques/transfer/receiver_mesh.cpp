@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <mutex>
+
+#include "techniques/transfer/closed_mesh.h"
 
 namespace gobo::transfer {
 
@@ -34,6 +37,13 @@ struct Turned {
   }
 };
 
+/// Whether back faces of a mesh may be seen, by who looks or by light: reflection is the same from both sides, whatever a material says of doubleSided.
+bool showsBacks(const SceneView& view, int mesh) {
+  const auto of = view.mesh<Facet::Topology | Facet::Pose>(mesh);
+  const Coverage& coverage = view.coverage(of.material);
+  return coverage.doubleSided || coverage.mode != AlphaMode::Opaque || !hidesBacks(of.indices, of.positions);
+}
+
 }  // namespace
 
 struct ReceiverMesh::Source {
@@ -46,13 +56,13 @@ struct ReceiverMesh::Source {
 };
 
 /// Slots of meshes with normals are vertices; of flat ones each triangle has its own.
-ReceiverMesh::Source ReceiverMesh::sourceOf(const SceneView& view, size_t instance) {
+ReceiverMesh::Source ReceiverMesh::sourceOf(const SceneView& view, size_t instance, bool both) {
   Source out;
+  out.both = both;
   const Instance& in = view.instances()[instance];
   const auto mesh = view.mesh<Facet::Topology | Facet::Pose | Facet::Shading>(in.mesh);
   const bool welded = !mesh.normals.empty();
   const Turned turned(in.toWorld);
-  out.both = view.coverage(mesh.material).doubleSided;
   const size_t slots = welded ? mesh.positions.size() : 3 * mesh.triangles();
   out.position.resize(slots);
   out.normal.assign(slots, Vec3(0.0f));
@@ -111,10 +121,13 @@ Corners ReceiverMesh::small(const Source& source, float spacing) {
 
 ReceiverMesh::ReceiverMesh(const SceneView& view, uint32_t points) : parts_(view.instances().size()), patterns_(1) {
   std::vector<Source> sources;
+  std::map<int, bool> both;  // by mesh
   double area = 0;
   float longest = 0;
   for (size_t i = 0; i < parts_.size(); ++i) {
-    sources.push_back(sourceOf(view, i));
+    const int mesh = view.instances()[i].mesh;
+    if (!both.count(mesh)) both[mesh] = showsBacks(view, mesh);
+    sources.push_back(sourceOf(view, i, both[mesh]));
     area += sources.back().area;
     longest = std::max(longest, sources.back().longest);
   }
@@ -240,7 +253,7 @@ ReceiverMesh::Points ReceiverMesh::points(const SceneView& view) const {
     const auto mesh = view.mesh<Facet::Topology | Facet::Pose | Facet::Shading>(in.mesh);
     const bool welded = !mesh.normals.empty();
     const Turned turned(in.toWorld);
-    const Source source = sourceOf(view, p);
+    const Source source = sourceOf(view, p, part.both);
     const auto put = [&](uint32_t local, const Vec3& position, const Vec3& normal, size_t t, const Vec2& bary, float cell) {
       for (int side = 0; side < (part.both ? 2 : 1); ++side) {
         const size_t i = part.first + local + (side ? part.count : 0);

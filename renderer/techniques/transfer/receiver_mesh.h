@@ -4,7 +4,8 @@
 //     each, however long and thin a triangle is. They have points of their own, since their edges are creases or may be.
 //   - Corners of smaller triangles are thinned to about a point a spacing and way to face (receiver_clusters.h).
 //   - The spacing is the least (by steps of 20 %) that stays within the number of points that is asked for.
-//   - Both sides of double-sided materials have points.
+//   - Both sides have points where both may be seen: of double-sided materials, of those with holes, and of meshes that are not closed or are inside out
+//     (closed_mesh.h).
 //   - Points are drawn in by some per cent of a cell towards the triangles' middles, within the surface: a point on the very edge between two walls lies in
 //     both, and its rays may begin behind the other.
 // A place is a weighted mean of at most kCorners points: on triangles that are cut, linear between the points of a row and between rows (linear functions are
@@ -84,7 +85,7 @@ class ReceiverMesh {
   static constexpr int kMostCuts = 128;
   static int cutsOf(float length, float spacing);
   static size_t pointsOf(int strips, int pieces);
-  static Source sourceOf(const SceneView& view, size_t instance);
+  static Source sourceOf(const SceneView& view, size_t instance, bool both);
   static Corners small(const Source& source, float spacing);
   uint16_t patternOf(const Size& size, float spacing);
   float spacing_ = 0;

@@ -32,6 +32,14 @@ bool allDiffuse(const Scene& scene) {
   });
 }
 
+/// Light passes some surface diffusely: what bounces by such ways transfer has not.
+bool passesDiffusely(const Scene& scene) {
+  return std::any_of(scene.instances.begin(), scene.instances.end(), [&](const Instance& in) {
+    const Bsdf& b = scene.materials[size_t(scene.meshes[size_t(in.mesh)]->material)].bsdf;
+    return b.diffuseTransmission > 0.0f && !b.unlit;
+  });
+}
+
 class EnvironmentTransfer final : public Technique {
  public:
   const char* name() const override { return "environment_transfer"; }
@@ -45,7 +53,13 @@ class EnvironmentTransfer final : public Technique {
       if (value > 0)
         return invalidArgument(std::string("request.environment.transfer: ") + field + " " + std::to_string(value) + " stands for the map too: ask for one",
                                "request.environment.transfer");
-    const PathSet diffuse = PathSet::FrontDiffuse | PathSet::IndirectDiffuse, specular = PathSet::FrontSpecular | PathSet::IndirectSpecular;
+    if (c.cameraInVolume()) {
+      c.warn("environment.transfer: the camera is inside a volume: the map is path traced");
+      return {};
+    }
+    const bool lacksBounces = sky.transfer().bounces() > 0 && passesDiffusely(*c.scene());
+    const PathSet diffuse = PathSet::FrontDiffuse | (lacksBounces ? PathSet::None : PathSet::IndirectDiffuse);
+    const PathSet specular = PathSet::FrontSpecular | PathSet::IndirectSpecular;
     const PathSet none = (allDiffuse(*c.scene()) || prefiltered(c) ? specular : PathSet::None) |
                          (c.kinds().translucent ? PathSet::None : PathSet::Behind);  // there is none of it
     return c.cover().claim(map, c.cover().wanted() & (diffuse | none), name());
@@ -88,6 +102,7 @@ class EnvironmentTransfer final : public Technique {
         bounced = source(transfer::makeBouncedTransferNode(s, b, directions), {points, albedo, b == 0 ? direct : bounced},
                          "transfer:bounce " + std::to_string(b + 1));
     } else if (overlaps(claimed, PathSet::Indirect)) c.prune("transfer:bounces", "environment.transfer.bounces is 0", true);
+    else if (c.indirect()) c.prune("transfer:bounces", "light passes surfaces diffusely: what bounces is path traced");
 
     const NodeId sky =
         source(transfer::makeEnvironmentSplitNode(c.scene()->environment, s.bands, int(asked.lights()), asked.light_share()), {}, "environment:split");
@@ -101,7 +116,11 @@ class EnvironmentTransfer final : public Technique {
     if (asked.lights() > 0) { GOBO_ASSIGN(split, c.expand(sky)); }
     const std::string apart = split ? transfer::apartText(*split) : "";
     const auto bring = [&](const char* part, PathSet paths) {
-      GraphNode n{transfer::makeTransferredSurfaceNode(s, c.view(), part), {c.gbuffer(), c.surface(), places, light}, {}, std::string("environment:") + part};
+      GraphNode n{transfer::makeTransferredSurfaceNode(s, c.view(), part, c.kinds().extended),
+                  {c.gbuffer(), c.surface(), places, light},
+                  {},
+                  std::string("environment:") + part};
+      if (c.kinds().extended) n.scene = c.scene();
       n.approximate = "the map in " + std::to_string(s.bands) + " bands of spherical harmonics, its light interpolated between " + std::to_string(s.size) +
                       " points" + (paths == PathSet::FrontDiffuse ? apart : "");
       c.add({c.graph().add(std::move(n)), "rgb", c.groupGain(group), paths, group});

@@ -24,7 +24,8 @@ class TransferPointsNode final : public Node {
     t.persist = true;
     return t;
   }
-  int version() const override { return 3; }  // 2: triangles in strips, dense meshes thinned, gaps; 3: normals of tiny instances
+  // 2: triangles in strips, dense meshes thinned, gaps; 3: normals of tiny instances; 4: backs of single-sided meshes that are not closed
+  int version() const override { return 4; }
   void hashParameters(Hasher& h) const override { h.add(s_.points).add(s_.seed); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     return Wiring(type(), in, 0)
@@ -82,6 +83,7 @@ class PointAlbedoNode final : public Node {
  public:
   explicit PointAlbedoNode(const TransferSettings& s) : s_(s) {}
   std::string type() const override { return "point_albedo"; }
+  int version() const override { return 2; }  // 2: without what passes diffusely
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kSurfaceFacets;
@@ -108,8 +110,9 @@ class PointAlbedoNode final : public Node {
             Surface s;
             surfaces.interact(points.instance[i], points.primitive[i], points.bary[i].x, points.bary[i].y, points.normal[i], -points.normal[i], s);
             const float r = (s.bsdf.ior - 1.0f) / (s.bsdf.ior + 1.0f), f0 = minOf(r * r * s.bsdf.specular, 1.0f);
+            const float stays = 1.0f - clamp01(s.bsdf.diffuseTransmission);
             for (int k = 0; k < 3; ++k) {
-              const float a = s.bsdf.albedo[k], dielectric = f0 + (1.0f - f0) * (1.0f - s.bsdf.transmission) * a;
+              const float a = s.bsdf.albedo[k], dielectric = f0 + (1.0f - f0) * (1.0f - s.bsdf.transmission) * stays * a;
               rgb[3 * i + size_t(k)] = s.material->unlit ? 0.0f : clamp01(s.bsdf.metallic * a + (1.0f - s.bsdf.metallic) * dielectric);
             }
           }

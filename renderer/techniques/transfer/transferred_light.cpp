@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <array>
+#include <memory>
 #include <vector>
 
+#include "base/check.h"
+#include "filters/diffuse_albedo.h"
 #include "techniques/transfer/harmonics.h"
 #include "techniques/transfer/nodes.h"
 #include "techniques/transfer/receiver_mesh.h"
 #include "terms/surface.h"
+#include "terms/surface_reader.h"
 #include "trace/bsdf.h"
 
 namespace gobo::transfer {
@@ -134,22 +138,25 @@ class TransferPlacesNode final : public Node {
 
 class TransferredSurfaceNode final : public Node {
  public:
-  TransferredSurfaceNode(const TransferSettings& s, const GBufferSettings& view, std::string part)
-      : s_(s), view_(view.extent()), camera_(view.camera), part_(std::move(part)) {}
+  TransferredSurfaceNode(const TransferSettings& s, const GBufferSettings& view, std::string part, bool extended)
+      : s_(s), view_(view.extent()), camera_(view.camera), part_(std::move(part)), extended_(extended) {}
   std::string type() const override { return "transferred_surface"; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;  // points are a list, which is whole
+    if (extended_) t.facets = kSurfaceFacets;
     return t;
   }
   int version() const override { return 2; }  // 2: dimmed by the specular lobe above
   void hashParameters(Hasher& h) const override {
     hashCamera(h, camera_);
     h.add(view_.width).add(view_.height).add(view_.layers).add(part_);
+    if (extended_) h.add(extended_);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 4);
     w.over(0, view_).reads<uint32_t>(0, "instance").reads<float>(0, "P", {3});
+    if (extended_) SurfaceReader::reads(w, 0);
     w.over(1, view_).reads<float>(1, "N", {3}).reads<float>(1, "albedo", {3}).reads<float>(1, "material", {5}).reads<uint8_t>(1, "flags");
     w.over(2, view_).reads<uint32_t>(2, "point", {kCorners}).reads<float>(2, "weight", {kCorners});
     w.over(3, s_.extent()).reads<float>(3, part_, {3});
@@ -167,6 +174,11 @@ class TransferredSurfaceNode final : public Node {
     const auto rgb = ctx.result->writable<float>("rgb");
     const size_t pixels = size_t(view_.width) * size_t(view_.height);
     const float scale = kInvPi / float(view_.layers);
+    std::unique_ptr<const SurfaceReader> reader;
+    if (extended_) {
+      GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
+      reader = std::make_unique<const SurfaceReader>(*ctx.scene, accel, *ctx.inputs[0], camera_);
+    }
     const bool complete = ctx.arena->parallelFor(
         pixels, 1 << 13,
         [&](size_t begin, size_t end) {
@@ -174,20 +186,27 @@ class TransferredSurfaceNode final : public Node {
             for (size_t p = begin; p < end; ++p) {
               const size_t i = s * pixels + p;
               if (instance[i] == ~0u || (flags[i] & kSurfaceUnlit)) continue;
+              const Vec3 out = camera_.perspective ? glm::normalize(eye - Vec3(P[3 * i], P[3 * i + 1], P[3 * i + 2])) : back;
+              Vec3 colour(albedo[3 * i], albedo[3 * i + 1], albedo[3 * i + 2]);
               float reflecting = (1.0f - material[5 * i]) * (1.0f - material[5 * i + 4]) * scale;
-              if (material[5 * i + 2] > 0.0f && reflecting > 0.0f && !(flags[i] & kSurfaceExtended)) {
+              if (flags[i] & kSurfaceExtended) {
+                GOBO_CHECK(reader != nullptr);
+                Surface full;
+                reader->read(i, full);
+                colour = diffuseAlbedo(full.bsdf, full.frame().toLocal(out));
+                reflecting = scale;
+              } else if (material[5 * i + 2] > 0.0f && reflecting > 0.0f) {
                 BsdfParams b;
                 b.albedo = Vec3(1.0f);
                 b.roughness = material[5 * i + 1];
                 b.specular = material[5 * i + 2];
                 b.ior = material[5 * i + 3];
-                const Vec3 out = camera_.perspective ? glm::normalize(eye - Vec3(P[3 * i], P[3 * i + 1], P[3 * i + 2])) : back;
                 reflecting *= bsdfLobeAlbedos(b, clamp01(N[3 * i] * out.x + N[3 * i + 1] * out.y + N[3 * i + 2] * out.z)).diffuse.x;
               }
               for (size_t c = 0; c < 3; ++c) {
                 float e = 0;
                 for (size_t k = 0; k < kCorners; ++k) e += weight[kCorners * i + k] * light[3 * size_t(point[kCorners * i + k]) + c];
-                rgb[3 * p + c] += albedo[3 * i + c] * reflecting * e;
+                rgb[3 * p + c] += colour[int(c)] * reflecting * e;
               }
             }
         },
@@ -201,6 +220,7 @@ class TransferredSurfaceNode final : public Node {
   Extent view_;
   Camera camera_;
   std::string part_;
+  bool extended_;
 };
 
 }  // namespace
@@ -209,8 +229,8 @@ NodePtr makeTransferredLightNode(const TransferSettings& settings, float rotatio
   return std::make_shared<TransferredLightNode>(settings, rotation, scale, bounced);
 }
 NodePtr makeTransferPlacesNode(const TransferSettings& settings, const GBufferSettings& view) { return std::make_shared<TransferPlacesNode>(settings, view); }
-NodePtr makeTransferredSurfaceNode(const TransferSettings& settings, const GBufferSettings& view, const char* part) {
-  return std::make_shared<TransferredSurfaceNode>(settings, view, part);
+NodePtr makeTransferredSurfaceNode(const TransferSettings& settings, const GBufferSettings& view, const char* part, bool extended) {
+  return std::make_shared<TransferredSurfaceNode>(settings, view, part, extended);
 }
 
 }  // namespace gobo::transfer

@@ -86,20 +86,66 @@ TEST(SubtractiveLights, UnshadowedLightOfLampsOfSomeSizeIsThatOfManySamples) {
   }
 }
 
+/// Rough glass of some thickness: no diffuse lobe, and none of its gloss is in bsdfLobeAlbedos.
+void roughGlass(Material& x) {
+  x.bsdf = {};
+  x.bsdf.roughness = 0.4f;
+  x.bsdf.transmission = 1.0f;
+  x.bsdf.thickness = 0.5f;
+}
+
+/// A floor with a ball of rough glass, under a roof that hides two thirds of what the ball would show.
+ScenePtr glassStage() {
+  SceneMaker m;
+  const int white = m.material(Vec3(0.7f));
+  m.instance(m.mesh(tests::ground(4.0f), white));
+  m.instance(m.mesh(tests::sphere(Vec3(0.7f, 0.6f, 0.6f), 0.5f, 24, true), m.material(Vec3(1.0f), roughGlass)));
+  m.instance(m.mesh(tests::box(Vec3(-1.4f, 1.12f, -1.2f), Vec3(1.1f, 1.16f, 0.9f)), white));
+  m.camera(Vec3(2.0f, 2.2f, 3.5f), Vec3(0.1f, 0.6f, 0), 0.7f);
+  return m.finish();
+}
+
 TEST(SubtractiveLights, AllLightsAtFullResolutionAreTheirDirectLight) {
-  LampStage s(stageScene(), manyLamps(24), 40, 30);
-  const std::vector<double> truth = s.additive(true), bare = s.additive(false);
-  const double mean = meanOf(truth);
-  ASSERT_GT(mean, 0.03);
-  ASSERT_LT(mean, 0.9 * meanOf(bare)) << "something is in shadow";
-  for (const int most : {24, 40})
-    for (const Form form : kForms) {
-      const TermPtr light = s.picture(form, 1, most);
-      double worst = 0;
-      for (size_t i = 0; i < truth.size(); ++i)
-        worst = std::max(worst, std::abs(double(light->floats("diffuse")[i]) + double(light->floats("specular")[i]) - truth[i]) / (truth[i] + 0.01 * mean));
-      EXPECT_LT(worst, 1e-5) << int(form);
-    }
+  for (const bool glass : {false, true}) {
+    LampStage s(glass ? glassStage() : stageScene(), manyLamps(24), 40, 30);
+    const std::vector<double> truth = s.additive(true), bare = s.additive(false);
+    const double mean = meanOf(truth);
+    ASSERT_GT(mean, 0.03);
+    ASSERT_LT(mean, 0.9 * meanOf(bare)) << "something is in shadow";
+    for (const int most : {24, 40})
+      for (const Form form : kForms) {
+        const TermPtr light = s.picture(form, 1, most);
+        double worst = 0;
+        for (size_t i = 0; i < truth.size(); ++i)
+          worst = std::max(worst, std::abs(double(light->floats("diffuse")[i]) + double(light->floats("specular")[i]) - truth[i]) / (truth[i] + 0.01 * mean));
+        EXPECT_LT(worst, glass ? 1e-4 : 1e-5) << int(form);  // deep shadows, of which DIFFERENCE has the rounding of unshadowed light
+      }
+  }
+}
+
+// At every pixel and at every third.
+TEST(SubtractiveLights, ReflectionsOnRoughGlassAreInShadow) {
+  LampStage s(glassStage(), manyLamps(24), 48, 36);
+  const TermPtr c = s.full(), all = s.picture(Form::Ratio, 1, 24);
+  const auto glass = s.g->plane<uint32_t>("instance");
+  const auto gloss = [&](const TermPtr& light) {
+    double sum = 0;
+    for (size_t p = 0; p < s.pixels(); ++p)
+      if (glass[p] == 1 && glass[p + s.pixels()] == 1)  // in both view samples
+        for (size_t k = 0; k < 3; ++k) sum += double(light->floats("specular")[3 * p + k]);
+    return sum;
+  };
+  double unshadowed = 0;
+  for (size_t p = 0; p < s.pixels(); ++p)
+    if (glass[p] == 1 && glass[p + s.pixels()] == 1)
+      for (size_t k = 0; k < 3; ++k) unshadowed += 0.5 * double(c->floats("specular")[3 * p + k] + c->floats("specular")[3 * (p + s.pixels()) + k]);
+  const double truth = gloss(all);
+  ASSERT_GT(truth, 0.0);
+  ASSERT_LT(truth, 0.9 * unshadowed) << "the roof hides some lamps";
+  for (const Form form : kForms) {
+    EXPECT_NEAR(gloss(s.picture(form, 1, 24)) / truth, 1.0, 1e-4) << int(form);
+    EXPECT_LT(gloss(s.picture(form, 3, 24)), 0.5 * (truth + unshadowed)) << int(form) << " of " << truth << " to " << unshadowed;
+  }
 }
 
 // What grazes a ball of few facets is above one of its normals and below the other.
@@ -150,6 +196,7 @@ TEST(SubtractiveLights, BehindClosedWallsTheRatioIsZeroAndNothingLeavesItsRange)
   const ScenePtr closed = floorScene([](SceneMaker& m, int white) {
     m.instance(m.mesh(tests::box(Vec3(-40, -0.5f, -40), Vec3(40, 9, 40)), white));
     m.instance(m.mesh(tests::box(Vec3(0, 0, -0.5f), Vec3(0.8f, 0.7f, 0.5f)), white));
+    m.instance(m.mesh(tests::sphere(Vec3(-0.9f, 0.6f, 0.2f), 0.6f, 24, true), m.material(Vec3(1.0f), roughGlass)));
   });
   std::vector<Light> lamps;
   for (int i = 0; i < 30; ++i)
@@ -158,14 +205,21 @@ TEST(SubtractiveLights, BehindClosedWallsTheRatioIsZeroAndNothingLeavesItsRange)
   for (const int most : {7, 30})
     for (const int r : {1, 4}) {
       const TermPtr samples = s.traced(r, most), c = s.full();
-      float lit = 0;
-      for (const float v : c->floats("diffuse")) lit = std::max(lit, v);
-      ASSERT_GT(lit, 1.0f);
+      float lit[2] = {0, 0};
+      double gloss = 0, left = 0;
+      for (const float v : c->floats("diffuse")) lit[0] = std::max(lit[0], v);
+      for (const float v : c->floats("specular")) lit[1] = std::max(lit[1], v), gloss += double(v) / s.view.viewSamples;
+      ASSERT_GT(lit[0], 1.0f);
+      ASSERT_GT(lit[1], 0.01f) << "glass";
       const TermPtr ratio = s.light(Form::Ratio, samples, c, most, r);
       for (const float v : ratio->floats("diffuse")) ASSERT_EQ(v, 0.0f);
+      for (const float v : ratio->floats("specular")) left += double(v);
+      if (r == 1) { ASSERT_EQ(left, 0.0); }
+      ASSERT_LT(left, 0.02 * gloss) << "r " << r;  // at grazing samples about which no lamp is above the horizon
       for (const Form form : kForms) {
         const TermPtr light = s.light(form, samples, c, most, r);
-        for (const float v : light->floats("diffuse")) ASSERT_TRUE(v >= 0.0f && v <= (r == 1 ? 1e-5f * lit : lit)) << v;
+        for (const int lobe : {0, 1})
+          for (const float v : light->floats(lobe ? "specular" : "diffuse")) ASSERT_TRUE(v >= 0.0f && v <= (r == 1 ? 1e-5f : 1.0f) * lit[lobe]) << v;
       }
     }
   LampStage open(stageScene(), manyLamps(60), 40, 30);

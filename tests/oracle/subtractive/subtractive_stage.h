@@ -61,7 +61,7 @@ struct Stage {
     const auto u = all->floats("unshadowed");
     return unshadowed([&](size_t e, size_t k, size_t c) {
       if (!in.lit(e)) return 0.0f;
-      const LobeAlbedos by = in.albedos(e, in.bsdf(e));
+      const LobeAlbedos by = in.divisors(e, in.bsdf(e));
       return (k == 0 ? by.diffuse : by.specular)[int(c)] * u[6 * e + 3 * k + c];
     });
   }

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "base/sobol.h"
 #include "support/tiny_scenes.h"
@@ -140,6 +141,45 @@ TEST(ReceiverMesh, NormalsAreOnTheirFacesSide) {
     const auto points = ReceiverMesh(view, wanted).points(view);
     for (size_t i = 0; i < points.position.size(); ++i) EXPECT_GT(glm::dot(points.normal[i], points.position[i]), 0.0f);
   }
+}
+
+// Of single-sided materials: back faces that somebody may see have points, those inside of a closed body have none.
+TEST(ReceiverMesh, BacksHavePointsWhereTheyMayBeSeen) {
+  const auto both = [](Mesh of, const std::function<void(Material&)>& change = {}) {
+    SceneMaker m;
+    m.instance(m.mesh(std::move(of), m.material(Vec3(0.5f), [&](Material& x) {
+      x.coverage.doubleSided = false;
+      if (change) change(x);
+    })));
+    const ScenePtr scene = m.finish();
+    const ReceiverMesh mesh(viewOf(*scene), 300);
+    Between at;
+    EXPECT_TRUE(mesh.locate(0, 0, 0.3f, 0.3f, true, at));
+    return mesh.locate(0, 0, 0.3f, 0.3f, false, at);
+  };
+  const Mesh box = tests::box(Vec3(-1, 0, 2), Vec3(1, 0.01f, 5)), ball = tests::sphere(Vec3(0.0f), 1.0f, 12, true);
+  const auto apart = [](const Mesh& of) {  // vertices of their own for each triangle
+    Mesh out;
+    for (const uint32_t i : of.indices) {
+      out.indices.push_back(uint32_t(out.positions.size()));
+      out.positions.push_back(of.positions[i]);
+    }
+    return out;
+  };
+  EXPECT_FALSE(both(box));
+  EXPECT_FALSE(both(apart(box)));
+  EXPECT_FALSE(both(ball)) << "vertices of a pole are apart by rounding";
+  EXPECT_TRUE(both(box, [](Material& x) { x.coverage.doubleSided = true; }));
+  EXPECT_TRUE(both(box, [](Material& x) { x.coverage.mode = AlphaMode::Mask; })) << "its inside may be seen through holes";
+  EXPECT_TRUE(both(tests::quad(Vec3(0.0f), Vec3(1, 0, 0), Vec3(0, 1, 0))));
+  EXPECT_TRUE(both(tests::box(Vec3(-1), Vec3(1), true))) << "a room";
+  Mesh open = ball, turned = box, folded = tests::quad(Vec3(0.0f), Vec3(1, 0, 0), Vec3(0, 1, 0));
+  for (int k = 0; k < 3; ++k) open.indices.pop_back();
+  EXPECT_TRUE(both(open));
+  std::swap(turned.indices[4], turned.indices[5]);
+  EXPECT_TRUE(both(turned)) << "one triangle the other way round";
+  for (const uint32_t i : {0u, 2u, 1u, 0u, 3u, 2u}) folded.indices.push_back(i);
+  EXPECT_TRUE(both(folded)) << "a sheet on its own back encloses nothing";
 }
 
 // Many small bodies cannot have less than a point each, whatever is asked for.

@@ -2,6 +2,7 @@
 // Precomputed transfer against closed forms, and whole pictures of it against path tracing.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -65,15 +66,17 @@ struct Stage {
 TEST(TransferPoints, PlacesAreWhereTheirPointsAre) {
   SceneMaker m;
   m.instance(m.mesh(tests::sphere(Vec3(0.2f, 0, 0), 1.0f, 12, true), m.material(Vec3(0.5f))), tests::scaling(Vec3(1, 2, -1)));
-  m.instance(m.mesh(tests::ground(3.0f), m.material(Vec3(0.5f), [](Material& x) { x.coverage.doubleSided = false; })));
+  const int single = m.material(Vec3(0.5f), [](Material& x) { x.coverage.doubleSided = false; });
+  m.instance(m.mesh(tests::ground(3.0f), single));
+  m.instance(m.mesh(tests::box(Vec3(-1), Vec3(1)), single), tests::translate(Vec3(0, 5, 0)));  // closed: its front alone
   const ScenePtr scene = m.finish();
-  for (const uint32_t wanted : {100u, 3000u}) {
+  for (const uint32_t wanted : {200u, 3000u}) {
     const std::vector<int> none;
     const SceneView view(*scene, ReceiverMesh::kFacets, none);
     const ReceiverMesh mesh(view, wanted);
     EXPECT_LT(mesh.size(), std::max(wanted, 1400u));
     const ReceiverMesh::Points points = mesh.points(view);
-    for (uint32_t instance = 0; instance < 2; ++instance) {
+    for (uint32_t instance = 0; instance < 3; ++instance) {
       const Mesh& of = *scene->meshes[size_t(scene->instances[instance].mesh)];
       for (uint32_t t = 0; t < of.triangles(); ++t)
         for (uint32_t k = 0; k < 40; ++k) {
@@ -81,8 +84,8 @@ TEST(TransferPoints, PlacesAreWhereTheirPointsAre) {
           const float r = std::sqrt(q.x), u = k == 0 ? 0.0f : k == 1 ? 1.0f : r * (1 - q.y), v = k == 0 ? 1.0f : k == 1 ? 0.0f : r * q.y;
           for (const bool front : {true, false}) {
             Between at;
-            ASSERT_EQ(mesh.locate(instance, t, u, v, front, at), front || instance == 0);
-            if (!front && instance == 1) continue;
+            ASSERT_EQ(mesh.locate(instance, t, u, v, front, at), front || instance < 2);
+            if (!front && instance == 2) continue;
             Vec3 place(0.0f), mean(0.0f);
             float sum = 0, cell = 0;
             const Mat4& world = scene->instances[instance].toWorld;
@@ -98,7 +101,7 @@ TEST(TransferPoints, PlacesAreWhereTheirPointsAre) {
             }
             EXPECT_NEAR(sum, 1.0f, 1e-5f);
             EXPECT_LT(glm::length(mean - place), instance == 1 ? 0.1f * cell : std::max(0.1f * cell, mesh.spacing()));  // thinned: within a spacing
-            const Vec3 out = instance == 1 ? Vec3(0, 1, 0) : Vec3((place.x - 0.2f), place.y / 4, place.z);              // of the ellipsoid
+            const Vec3 out = instance == 2 ? place - Vec3(0, 5, 0) : instance == 1 ? Vec3(0, 1, 0) : Vec3((place.x - 0.2f), place.y / 4, place.z);
             EXPECT_EQ(glm::dot(points.normal[at.point[0]], out) > 0, front);
           }
         }
@@ -206,8 +209,12 @@ TEST(BouncedTransfer, InASphereIsAGeometricSeries) {
   const double a = removed / area, rho = 0.6, q = rho * (1 - a);
   SceneMaker m;
   m.instance(m.mesh(std::move(open), m.material(Vec3(float(rho), 0.3f, 0.0f), [](Material& x) { x.coverage.doubleSided = false; })));
-  Stage stage(m.finish(), 100);
+  Stage stage(m.finish(), 200);
   stage.trace(4);
+  std::vector<size_t> within;  // the outer side has points too
+  for (size_t i = 0; i < stage.s.size; ++i)
+    if (glm::dot(stage.vector("position", i), stage.vector("normal", i)) < 0) within.push_back(i);
+  ASSERT_EQ(2 * within.size(), size_t(stage.s.size));
   const TermPtr albedo = stage.run(makePointAlbedoNode(stage.s), {stage.points});
   TermPtr before = stage.direct;
   const double one = std::sqrt(4 * std::numbers::pi);
@@ -217,8 +224,8 @@ TEST(BouncedTransfer, InASphereIsAGeometricSeries) {
     expected += std::numbers::pi * a * std::pow(q, b + 1);
     double mean[3] = {}, rest = 0;
     const size_t harmonicCount = size_t(stage.s.harmonics());
-    for (size_t i = 0; i < stage.s.size; ++i)
-      for (size_t c = 0; c < 3; ++c) mean[c] += double(before->floats("sum")[(3 * i + c) * harmonicCount]) * one / stage.s.size;
+    for (const size_t i : within)
+      for (size_t c = 0; c < 3; ++c) mean[c] += double(before->floats("sum")[(3 * i + c) * harmonicCount]) * one / double(within.size());
     rest = mean[2];
     EXPECT_NEAR(mean[0] / expected, 1.0, 0.012) << b;
     EXPECT_EQ(rest, 0.0);
@@ -251,6 +258,36 @@ TEST(BouncedTransfer, IsOfTheSideThatIsSeen) {
     ++found;
   }
   EXPECT_GT(found, 10);
+}
+
+// A single-sided lid that faces up, over a floor: what bounces down from its back is what a lid of both sides sends, and most of it came from below.
+TEST(BouncedTransfer, ALidsBackReflectsAsItsFrontDoes) {
+  std::vector<float> sums[2];
+  for (const bool both : {false, true}) {
+    SceneMaker m;
+    m.instance(m.mesh(tests::ground(0.5f), m.material(Vec3(0.0f), [](Material& x) { x.coverage.doubleSided = false; })));
+    m.instance(m.mesh(tests::ground(3.0f, 0.6f), m.material(Vec3(0.9f), [&](Material& x) { x.coverage.doubleSided = both; })));
+    Stage stage(m.finish(), 3000, 2);
+    stage.trace(4);
+    const TermPtr bounced =
+        stage.run(makeBouncedTransferNode(stage.s, 0, 256), {stage.points, stage.run(makePointAlbedoNode(stage.s), {stage.points}), stage.direct});
+    const auto sum = bounced->floats("sum");
+    sums[both].assign(sum.begin(), sum.end());
+    const size_t n = size_t(stage.s.harmonics());
+    int found = 0;
+    for (size_t i = 0; i < stage.s.size; ++i) {
+      const DVec3 p = stage.vector("position", i), normal = stage.vector("normal", i);
+      if (p.y > 0.3 || normal.y < 0.5) continue;
+      // Under a uniform map of radiance 1: of 0.9 pi at most what the floor leaves of the lid's own light.
+      const double uniform = double(sum[3 * i * n]) * std::sqrt(4 * std::numbers::pi);
+      EXPECT_GT(uniform, 0.4 * std::numbers::pi) << p.x << " " << p.z;
+      EXPECT_LT(uniform, 0.9 * std::numbers::pi);
+      EXPECT_LT(double(sum[3 * i * n + 2]), -0.1) << "a harmonic that is positive above";
+      ++found;
+    }
+    EXPECT_GT(found, 4);
+  }
+  EXPECT_EQ(sums[0], sums[1]);
 }
 
 /// What a place sees of an open sky through no gap at all.
@@ -551,16 +588,14 @@ TEST(TransferPictures, ANewTurnOrMapTracesNoRay) {
   EXPECT_EQ(testing::firstDifference(turned, pictureOf(*testing::makeEngine(), scene, cold)), "");
 }
 
-// A sheet under a bright sky, from below: its underside is as dark as what it looks at.
-TEST(TransferPictures, ASheetFromBelowHasItsOwnSidesLight) {
-  Image image(64, 32, 3);
-  std::fill(image.data.begin(), image.data.begin() + 3 * 64 * 16, 1.0f);
+/// A sheet from above and from below.
+std::array<double, 2> sidesOfASheet(const EnvironmentPtr& map, bool doubleSided) {
   SceneMaker m;
-  m.instance(m.mesh(tests::ground(1.0f), m.material(Vec3(0.6f))));
-  m.environment(makeEnvironment("above", std::move(image)));
+  m.instance(m.mesh(tests::ground(1.0f), m.material(Vec3(0.6f), [&](Material& x) { x.coverage.doubleSided = doubleSided; })));
+  m.environment(map);
   m.scene.lights.back().cameraVisible = false;
   const auto engine = testing::makeEngine();
-  double mean[2];
+  std::array<double, 2> mean{};
   for (const float side : {1.0f, -1.0f}) {
     m.camera(Vec3(0, 2 * side, 0.01f), Vec3(0.0f), 0.5f);
     v1::RenderRequest r = requestOf(1);
@@ -568,8 +603,21 @@ TEST(TransferPictures, ASheetFromBelowHasItsOwnSidesLight) {
     testing::set(r, "environment.transfer.bands=10");
     mean[side < 0] = meanOf(pictureOf(*engine, m.finish(), r).images[0].image());
   }
-  EXPECT_NEAR(mean[0], 0.6, 0.02);
-  EXPECT_LT(mean[1], 0.02);
+  return mean;
+}
+
+// A sheet under a bright sky, from below: its underside is as dark as what it looks at; under a uniform one both sides are alike. Whatever doubleSided says.
+TEST(TransferPictures, ASheetFromBelowHasItsOwnSidesLight) {
+  Image image(64, 32, 3);
+  std::fill(image.data.begin(), image.data.begin() + 3 * 64 * 16, 1.0f);
+  const EnvironmentPtr above = makeEnvironment("above", std::move(image)), uniform = constantEnvironment(Vec3(1.0f));
+  for (const bool doubleSided : {true, false}) {
+    const std::array<double, 2> half = sidesOfASheet(above, doubleSided), whole = sidesOfASheet(uniform, doubleSided);
+    EXPECT_NEAR(half[0], 0.6, 0.02) << doubleSided;
+    EXPECT_LT(half[1], 0.02) << doubleSided;
+    EXPECT_NEAR(whole[0], 0.6, 0.005) << doubleSided;
+    EXPECT_NEAR(whole[1], whole[0], 1e-3) << doubleSided;
+  }
 }
 
 // What lies below every normal in view costs no ray, though it is a light of the map.

@@ -79,6 +79,45 @@ TEST(LightFrame, AreaLightInsideTheSceneCovers150Degrees) {
   EXPECT_TRUE(map(*f, base + f->right * outside).u > 1.0);
 }
 
+// Lamps in random rooms, turned at random: edges of the box come from behind them, and are seen far to either side.
+TEST(LightFrame, CoversEveryWallInFrontOfATiltedLight) {
+  uint64_t n = 0;
+  const auto random = [&](float lo, float hi) { return lo + (hi - lo) * toUnit(hash32(71, n++)); };
+  constexpr float degree = kPi / 180.0f;
+  int seen = 0, tight = 0;
+  for (int room = 0; room < 300; ++room) {
+    Vec3 lo, hi, at, axis;
+    for (int k = 0; k < 3; ++k) {
+      lo[k] = random(-5, 5);
+      hi[k] = lo[k] + random(0.2f, 8);
+      at[k] = room % 5 ? random(lo[k], hi[k]) : random(lo[k] - 2, hi[k] + 2);  // one of five may be outside
+      axis[k] = random(-1, 1);
+    }
+    axis = glm::normalize(axis);
+    for (const LightKind kind : {LightKind::Rect, LightKind::Disk, LightKind::Spot}) {
+      LightShape light = lightOf(kind, at, axis);
+      const float cone = random(5, 89) * degree;
+      light.cosOuter = std::cos(cone);
+      const auto f = fitLightFrame(light, lo, hi, 512, 0);
+      ASSERT_TRUE(f.ok()) << f.status().toString();
+      const float widest = std::min(kind == LightKind::Spot ? cone : 90 * degree, kMaxHalfAngle) - 0.5f * degree;
+      tight += f->hi.x - f->lo.x < 1.9f * std::tan(widest);
+      for (int i = 0; i < 200; ++i) {
+        Vec3 p;  // inside, or on a wall, an edge, a corner
+        for (int k = 0; k < 3; ++k) p[k] = std::clamp(random(lo[k] - 0.5f * (hi[k] - lo[k]), hi[k] + 0.5f * (hi[k] - lo[k])), lo[k], hi[k]);
+        const Vec3 d = p - at;
+        if (!(glm::dot(d, axis) > 1e-3f && glm::dot(d, axis) > std::cos(widest) * glm::length(d))) continue;
+        ++seen;
+        const Mapped m = map(*f, p);
+        EXPECT_TRUE(m.u >= 0 && m.u <= 1 && m.v >= 0 && m.v <= 1 && m.d >= 0 && m.d <= 1)
+            << "room " << room << ", kind " << int(kind) << ": " << m.u << " " << m.v << " " << m.d;
+      }
+    }
+  }
+  EXPECT_GT(seen, 20000);
+  EXPECT_GT(tight, 50) << "windows that are always whole would cover all";
+}
+
 TEST(LightFrame, SpotSeesNoMoreThanItsCone) {
   const auto f = fitLightFrame(lightOf(LightKind::Spot, {0, 5, 0}, {0, -1, 0}), Vec3(-30, 0, -30), Vec3(30, 1, 30), 512, 0);
   ASSERT_TRUE(f.ok());
