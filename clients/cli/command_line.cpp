@@ -451,12 +451,15 @@ void CommandLine::addTools() {
     compare_.json = json;
     return runCompare(compare_);
   });
-  value(*compare, "a", compare_.a, "FILE", "picture, or FILE.exr:LAYER for one layer of a multi-layer file (without LAYER its R, G, B); PNG and JPEG are decoded from sRGB")->required();
+  value(*compare, "a", compare_.a, "FILE",
+        "picture, or FILE.exr:LAYER for one layer of a multi-layer file (without LAYER its R, G, B); PNG and JPEG are decoded from sRGB")
+      ->required();
   value(*compare, "b", compare_.b, "FILE", "picture, as the first")->required();
   value(*compare, "--diff", compare_.diff, "FILE", "write a signed difference picture (PNG)");
   value(*compare, "--scale", compare_.scale, "X", "error at full colour in --diff; default the largest")
       ->check(CLI::Validator(CLI::Range(1e-30, 1e30)).description(""));
-  value(*compare, "--max-rmse", compare_.maxRmse, "X", "exit 1 when the RMSE is above this, or a pixel is not finite in one alone")->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
+  value(*compare, "--max-rmse", compare_.maxRmse, "X", "exit 1 when the RMSE is above this, or a pixel is not finite in one alone")
+      ->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
 
   CLI::App* occlusion = command(app, "occlusion", "visibility of one light along a row or column of the picture, by several shadow techniques and by rays",
                                 [this] { return runOcclusion(session, occlusion_); });

@@ -244,7 +244,8 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
     GOBO_ASSIGN(const v1::Job job, getJob(session, c.id));
     const std::vector<std::string> has = outputsInFiles(job.spec());
     for (const std::string& output : wanted.outputs())
-      if (std::find(has.begin(), has.end(), output) == has.end()) return invalidArgument("--outputs " + output + ": job " + job.id() + " has no output of that name");
+      if (std::find(has.begin(), has.end(), output) == has.end())
+        return invalidArgument("--outputs " + output + ": job " + job.id() + " has no output of that name");
     if (job.results_expired()) return notFound("the results of " + job.id() + " were removed by the daemon's limits (jobs.keep_bytes, jobs.keep_days)");
     v1::FetchRequest request = wanted;
     bool any = false;

@@ -51,7 +51,9 @@ class Warnings {
     whole.clear_warnings();
     for (const auto& [words, said] : said_) {
       const std::string of = std::to_string(said.tiles) + " of " + std::to_string(tiles) + " tiles";
-      whole.add_warnings(said.first + (said.tiles == tiles && said.alike ? "" : said.alike || said.tiles == 1 ? " (" + of + ")" : " (in the first; in " + of + ")"));
+      whole.add_warnings(said.first + (said.tiles == tiles && said.alike ? ""
+                                       : said.alike || said.tiles == 1   ? " (" + of + ")"
+                                                                         : " (in the first; in " + of + ")"));
     }
   }
 
@@ -100,7 +102,8 @@ Result<Tiled> renderTiles(Session& session, v1::RenderRequest request, uint32_t 
         const double left = deadlineMs - milliseconds();
         const int done = int((y / side) * ((width + side - 1) / side) + x / side);
         if (left <= 0)
-          return Status(Code::DeadlineExceeded, "the deadline has passed after " + std::to_string(done) + " of " + std::to_string(all) + " tiles", "--deadline");
+          return Status(Code::DeadlineExceeded, "the deadline has passed after " + std::to_string(done) + " of " + std::to_string(all) + " tiles",
+                        "--deadline");
         request.mutable_scheduling()->set_deadline_ms(left);
       }
       GOBO_ASSIGN(Answer answer, renderOnce(session, request));

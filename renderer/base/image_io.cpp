@@ -226,8 +226,7 @@ Result<Image> readPicture(const std::string& fileAndLayer, const ReadLimits& lim
   if (!starts(bytes.data(), bytes.size(), "\x76\x2f\x31\x01")) {
     if (!layer.empty()) return invalidArgument("only EXR files have layers", fileAndLayer);
     GOBO_ASSIGN(Image image, readImageFromMemory(bytes.data(), bytes.size(), file, limits));
-    if (holdsSrgbValues(bytes.data(), bytes.size()) && !decodeSrgbValues(image, limits.stop))
-      return Status(Code::Cancelled, "the reading was cancelled", file);
+    if (holdsSrgbValues(bytes.data(), bytes.size()) && !decodeSrgbValues(image, limits.stop)) return Status(Code::Cancelled, "the reading was cancelled", file);
     return image;
   }
   return readExrLayer(bytes.data(), bytes.size(), file, layer, limits);

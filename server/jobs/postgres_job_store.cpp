@@ -182,9 +182,7 @@ Status PostgresJobStore::skipJobs(int64_t last) {
   return q.bind(last).run();
 }
 
-std::string PostgresJobStore::listed(const char* number, int k) const {
-  return strf("%s = ANY(CAST(string_to_array(?%d, ',') AS bigint[]))", number, k);
-}
+std::string PostgresJobStore::listed(const char* number, int k) const { return strf("%s = ANY(CAST(string_to_array(?%d, ',') AS bigint[]))", number, k); }
 
 Status PostgresJobStore::addTasks(int64_t job, const std::vector<int64_t>& frames, uint32_t parts, uint64_t revision) {
   std::string list = "{";

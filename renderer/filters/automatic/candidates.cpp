@@ -116,7 +116,8 @@ Result<Candidates> shadowCandidates(const ShadowInput& input, const v1::ShadowTe
     c.technique.mutable_map()->set_resolution(uint32_t(resolution));
     if (soft) c.technique.mutable_percentage_closer_soft();
     else c.technique.mutable_percentage_closer();
-    GOBO_ASSIGN(const PlannedShadowMap planned, fitShadowMap(input, c.technique, soft ? 1 : percentageCloserRim(c.technique)));
+    GOBO_ASSIGN(const PlannedShadowMap planned,
+                fitShadowMap(input, c.technique, soft ? 1 : percentageCloserRim(c.technique), soft ? MapWindow::Corners : MapWindow::InFront));
     const ProbeMap map{planned.frames, resolution};
     const double texels = double(resolution) * resolution, depth = map.frames.count * cost.depth(texels, shapes.triangles);
     const std::string size = std::to_string(resolution) + " texels";

@@ -58,6 +58,13 @@ struct Tangents {
   }
 };
 
+/// Those behind the light have tangents beyond any window, on their own side.
+Tangents tangentsOfCorners(const Vec3 (&q)[8]) {
+  Tangents t;
+  for (const Vec3& corner : q) t.add(Vec2(corner.x, corner.y) / std::max(corner.z, 1e-20f));
+  return t;
+}
+
 /// Of the part of a box that lies beyond `least` in front of the light: of its corners there, and of where its edges come from behind, whose tangents grow
 /// without bound on the way, to a side that neither corner need lie on. `q`: the corners in the light's axes; bit k of a corner's number is its axis k.
 Tangents tangentsInFront(const Vec3 (&q)[8], double least) {
@@ -77,7 +84,7 @@ Tangents tangentsInFront(const Vec3 (&q)[8], double least) {
 
 }  // namespace
 
-Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels) {
+Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels, MapWindow window) {
   LightFrame f;
   float tangent = std::tan(kMaxHalfAngle);
   switch (light.kind) {
@@ -121,7 +128,7 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
     if (!empty && high.z > 0.0f) {
       f.far = high.z;
       f.near = std::max(low.z, 0.0f);
-      const Tangents t = tangentsInFront(q, 1e-6 * glm::length(DVec3(hi) - DVec3(lo)));
+      const Tangents t = window == MapWindow::Corners ? tangentsOfCorners(q) : tangentsInFront(q, 1e-6 * glm::length(DVec3(hi) - DVec3(lo)));
       const Vec2 a = glm::max(f.lo, t.lo), b = glm::min(f.hi, t.hi);
       if (a.x <= b.x && a.y <= b.y) {
         f.lo = a;
@@ -156,10 +163,10 @@ void LightFrames::hash(Hasher& h) const {
   for (int i = 0; i < count; ++i) face[size_t(i)].hash(h);
 }
 
-Result<LightFrames> fitLightFrames(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels) {
+Result<LightFrames> fitLightFrames(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels, MapWindow window) {
   LightFrames frames;
   if (light.kind != LightKind::Point && light.kind != LightKind::Sphere) {
-    GOBO_ASSIGN(frames.face[0], fitLightFrame(light, lo, hi, resolution, rimTexels));
+    GOBO_ASSIGN(frames.face[0], fitLightFrame(light, lo, hi, resolution, rimTexels, window));
     return frames;
   }
   if (!isFinite(light.position)) return invalidArgument("the light's position is not finite");

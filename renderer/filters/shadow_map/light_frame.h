@@ -36,13 +36,19 @@ struct LightFrame {
   void hash(Hasher& hasher) const;
 };
 
+/// What the window of a tilted light within the bounds takes in.
+///   InFront  all of the bounds that lies in front of the light, up to the cone or 75 degrees
+///   Corners  the bounds' corners: walls that pass the light's plane on its way to none of them are left out. For soft lookups: such walls are as near to the
+///            light as its own width, where their estimates take them for blockers of everything beside (lights8, key light: RMSE 0.20 with them, 0.13 without)
+enum class MapWindow : uint8_t { InFront, Corners };
+
 /// Fits a frame to the bounds [lo, hi] of all casters and receivers (not to a camera: the map serves every view).
 ///   Directional       orthographic, window and depth tight around the bounds
 ///   Spot              perspective, at most the cone (cosOuter), tight around the bounds where they lie in front of the light
 ///   Rect, Disk, Sphere  perspective from the centre along `axis`, within 75 degrees of it: a hard-edged stand-in for the area light
 /// The window is square and has a rim of `rimTexels` of `resolution` around it for the pre-filter. Empty bounds give a frame that
 /// sees nothing. Errors: Unimplemented for other kinds; InvalidArgument for a light or bounds with non-finite numbers.
-Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels);
+Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels, MapWindow window = MapWindow::InFront);
 
 /// The frames of one light's map: one, or six faces of a cube for lights that shine all round.
 struct LightFrames {
@@ -59,7 +65,8 @@ inline int cubeFace(const Vec3& p) {
 }
 /// As fitLightFrame; Point and Sphere get six faces, each a little wider than 90 degrees: by the rim and the texel that bilinear lookups
 /// reach over, so that filters never meet a seam.
-Result<LightFrames> fitLightFrames(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels);
+Result<LightFrames> fitLightFrames(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels,
+                                   MapWindow window = MapWindow::InFront);
 
 }  // namespace filters
 }  // namespace gobo

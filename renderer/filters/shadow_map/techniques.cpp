@@ -89,7 +89,7 @@ int percentageCloserRim(const v1::ShadowTechnique& technique) {
   }
 }
 
-Result<PlannedShadowMap> fitShadowMap(const ShadowInput& input, const v1::ShadowTechnique& technique, int rim) {
+Result<PlannedShadowMap> fitShadowMap(const ShadowInput& input, const v1::ShadowTechnique& technique, int rim, MapWindow window) {
   const Light& light = input.scene->lights.at(size_t(input.light));
   if (!shadowMapSupports(light.shape.kind) || !oneSided(light.shape))
     return invalidArgument("light '" + light.name + "' is a mesh, an environment or shines to both sides: a shadow map is not made for it");
@@ -104,15 +104,15 @@ Result<PlannedShadowMap> fitShadowMap(const ShadowInput& input, const v1::Shadow
   if (p.map.resolution >= 16 * stepped) rim = stepped;
   Vec3 lo, hi;
   input.scene->bounds(lo, hi);
-  GOBO_ASSIGN(p.frames, fitLightFrames(light.shape, lo, hi, p.map.resolution, rim));
+  GOBO_ASSIGN(p.frames, fitLightFrames(light.shape, lo, hi, p.map.resolution, rim, window));
   if (p.map.cameraFit) fitToCamera(p.frames, cameraFit(input, technique, light.shape, p.frames.face[0]), lo, hi, p.map.resolution, rim);
   p.view.perspective = input.camera.perspective;
   p.view.eye = input.camera.perspective ? Vec3(input.camera.toWorld[3]) : Vec3(input.camera.toWorld[2]);
   return p;
 }
 
-Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, int rim) {
-  GOBO_ASSIGN(PlannedShadowMap p, fitShadowMap(input, technique, rim));
+Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, int rim, MapWindow window) {
+  GOBO_ASSIGN(PlannedShadowMap p, fitShadowMap(input, technique, rim, window));
   GraphNode depth;
   depth.node = makeLightDepthMapNode(p.frames, p.map.resolution, DepthMethod::Automatic, input.clear);
   depth.scene = input.scene;

@@ -19,11 +19,12 @@ struct PlannedShadowMap {
   NodeId depth = -1;
 };
 /// All but the node. `rim`: texels that filters reach beyond a receiver. Errors: InvalidArgument for lights that have no map.
-Result<PlannedShadowMap> fitShadowMap(const ShadowInput& input, const v1::ShadowTechnique& technique, int rim);
+Result<PlannedShadowMap> fitShadowMap(const ShadowInput& input, const v1::ShadowTechnique& technique, int rim, MapWindow window = MapWindow::InFront);
 /// The rim of planPercentageCloser.
 int percentageCloserRim(const v1::ShadowTechnique& technique);
 /// fitShadowMap, and adds light_depth_map. Errors: ResourceExhausted, too, for maps beyond `shadows.map` memory bounds.
-Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, int rim);
+Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, int rim,
+                                       MapWindow window = MapWindow::InFront);
 /// Adds depth_bounds over it.
 NodeId planDepthBounds(Graph& graph, const ShadowInput& input, const PlannedShadowMap& map);
 

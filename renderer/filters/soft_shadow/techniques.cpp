@@ -67,7 +67,7 @@ Result<Planned> planMap(Graph& graph, const ShadowInput& input, const v1::Shadow
   if (!isFinite(light.shape.u) || !isFinite(light.shape.v) || !std::isfinite(light.shape.radius))
     return invalidArgument("light '" + light.name + "': its size is not finite", "shadows");
   Planned p;
-  GOBO_ASSIGN(p.map, planShadowMap(graph, input, technique, 1));
+  GOBO_ASSIGN(p.map, planShadowMap(graph, input, technique, 1, MapWindow::Corners));
   p.bounds = planDepthBounds(graph, input, p.map);
   l.frames = p.map.frames;
   l.map = p.map.map;

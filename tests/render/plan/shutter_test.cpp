@@ -728,8 +728,9 @@ TEST(Shutter, WhatARelightSetsInMotionHasSlices) {
 
 TEST(Shutter, FiltersOfTheMeanAreThoseOfItsOpening) {
   const auto engine = engineWithMoving("filter-moves");
-  v1::RenderRequest r =
-      request({"time_s=0.2", "camera.shutter_s=0.6", "camera.shutter_slices=3", "filters[0].gaussian.sigma_px=1", "filters[1].term=direct", "filters[1].gaussian.sigma_px=1"}, 6);
+  v1::RenderRequest r = request({"time_s=0.2", "camera.shutter_s=0.6", "camera.shutter_slices=3", "filters[0].gaussian.sigma_px=1", "filters[1].term=direct",
+                                 "filters[1].gaussian.sigma_px=1"},
+                                6);
   v1::RenderRequest opening = r;
   set(opening, "filters[0].gaussian.sigma_px=1.4");
   for (const char* path : {"filters[0].gaussian.sigma_px", "filters[1].gaussian.sigma_px"}) {

@@ -164,7 +164,8 @@ TEST(EncodeLayers, MapsBesideWindowsHaveBoxesOfTheirOwn) {
     return box;
   };
   v1::RenderRequest r = layersRequest("beauty,shadow_basis:a");
-  for (const char* e : {"encoding.layers=false", "shadows.variance.min_variance=0", "shadows.map.resolution=8", "window.x=4", "window.y=3", "window.width=8", "window.height=5"})
+  for (const char* e : {"encoding.layers=false", "shadows.variance.min_variance=0", "shadows.map.resolution=8", "window.x=4", "window.y=3", "window.width=8",
+                        "window.height=5"})
     set(r, e);
   RenderResult result = mustRender(*engine, r);
   const auto images = encodeImages(result);
