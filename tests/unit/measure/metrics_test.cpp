@@ -61,9 +61,11 @@ TEST(Metrics, NonFinitePixelsAreCountedAndLeftOut) {
   b.data[20] = std::numeric_limits<float>::infinity();
   const auto r = compareImages(a, b);
   EXPECT_EQ(r->nonFinite, 2u);
+  EXPECT_EQ(r->nonFiniteApart, 2u);
   EXPECT_NEAR(r->rmse, 0.25, 1e-9);
   EXPECT_TRUE(std::isfinite(r->ssim));
   EXPECT_TRUE(std::isfinite(r->flip));
+  EXPECT_EQ(compareImages(a, a)->nonFiniteApart, 0u);
   EXPECT_EQ(compareImages(a, a)->differingPixels, 0u) << "bitwise: the same NaN does not differ";
   EXPECT_EQ(errorAgainstHalves(a, b, b)->nonFinite, 2u);
   EXPECT_NEAR(errorAgainstHalves(a, b, b)->rmse, 0.25, 1e-9);
