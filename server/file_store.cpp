@@ -29,7 +29,7 @@ constexpr int64_t kTouchNs = 3600 * 1000000000ll;  // the order of uses on disk 
 constexpr int64_t kSweepNs = 60 * 1000000000ll;
 constexpr uint64_t kMostPrivate = 2ull << 30;  // without a folder of its own: /tmp may be memory
 constexpr size_t kMostSteps = 16;
-constexpr size_t kMostNamed = 20;  // missing files that an error names
+constexpr size_t kMostNamed = 20, kNamedBytes = 2000;  // missing files that an error names: it must fit into what clients take of metadata
 
 int64_t nowNs() {
   timespec t{};
@@ -483,7 +483,7 @@ Result<std::shared_ptr<const FileTree>> FileStore::tree(const std::string& owner
   std::string text = "gobo-files 1\n" + folder + "\n";
   std::shared_ptr<FileTree> made(new FileTree());
   std::string missing;
-  size_t missed = 0;
+  size_t missed = 0, named = 0;
   Status first;
   for (const auto& [name, digest] : files) {
     text += std::to_string(name.size()) + " " + name + " " + lower(digest) + "\n";
@@ -495,12 +495,14 @@ Result<std::shared_ptr<const FileTree>> FileStore::tree(const std::string& owner
     }
     if (held.status().code() != Code::NotFound) return held.status();
     if (++missed == 1) first = held.status();
-    if (missed <= kMostNamed) missing += (missing.empty() ? "" : ", ") + place + " = " + lower(digest);
+    if (named == missed - 1 && named < kMostNamed && missing.size() + place.size() < kNamedBytes) {
+      missing += (named ? ", " : "") + place + " = " + lower(digest);
+      ++named;
+    }
   }
   if (missed > 1)
     return notFound(
-        strf("%zu of %zu files are not this caller's: put them first (Blobs.Put): ", missed, files.size()) + missing + (missed > kMostNamed ? ", ..." : ""),
-        field);
+        strf("%zu of %zu files are not this caller's: put them first (Blobs.Put): ", missed, files.size()) + missing + (missed > named ? ", ..." : ""), field);
   if (missed) return first;
   made->key_ = sha256Hex(text.data(), text.size());
   GOBO_TRY(ensureFolder());

@@ -482,7 +482,8 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const Prepa
   std::map<NodeId, ExecutedNode> expanded;
   GOBO_ASSIGN(const std::unique_ptr<Plan> plan,
               makePlan(scene, request, passesFor(spp), plannerServices(request.scene(), control.stop, guard, prepared.environment, prepared.small, &expanded)));
-  extendable = plan->extendable;
+  // Rays of mattes alone are no reason for a certificate of the same picture again.
+  extendable = plan->extendable || (plan->mattesGrow && (request.halt().has_spp() || !request.has_certificate()));
   const bool rung = spp < most && extendable;
   const bool certified = request.has_certificate() && !rung;  // one of what is only looked at would cost more than it
   const uint32_t realised = samplesOf(passesFor(rung ? spp : most)) * shutterSlices(request);

@@ -118,7 +118,7 @@ Result<uint64_t> planMoment(Plan& plan, std::vector<PlannedOutput>& planned, std
     if (plan.graph.at(plane.node).shape.find(plane.plane)->channels == 4 && channels.size() == 3) channels.push_back("A");
     planned.push_back({o, plane.node, plane.plane, std::move(channels)});
     planes.push_back(plane);
-    plan.extendable = plan.extendable || (infoOf(o).kind == OutputKind::Matte && cryptomatteTakesMore(passes, moment.share.of));
+    plan.mattesGrow = plan.mattesGrow || (infoOf(o).kind == OutputKind::Matte && cryptomatteTakesMore(passes, moment.share.of));
   }
   if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
 

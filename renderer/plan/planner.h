@@ -32,6 +32,7 @@ struct Plan {
   std::vector<PlannedOutput> outputs;
   std::vector<NodeId> expanded;      ///< nodes whose results decided, or would decide, what follows
   bool extendable = false;           ///< some node takes more samples
+  bool mattesGrow = false;           ///< mattes of more samples have more rays
   std::vector<std::string> missing;  ///< "indirect (environment)": classes that no term of the beauty holds; and paths that none finds (classesNotCovered)
   std::vector<std::string> warnings;
   uint64_t pinnedBytes = 0;  ///< upper bound of bytes held at once while it runs (plan/live_bytes.h)

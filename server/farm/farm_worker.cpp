@@ -152,6 +152,11 @@ Status FarmWorker::attendOnce() {
         break;
       }
       steered = news.steered();
+      const double lease = std::clamp(news.lease_s(), 1.0, 86400.0), checkpoint = std::clamp(news.checkpoint_s(), 0.05, 86400.0);
+      {  // before slots can claim by the new name
+        const std::lock_guard lock(mutex_);
+        if (worker_) worker_->setTimes(lease, checkpoint);
+      }
       {
         const std::lock_guard lock(link_.mutex);
         link_.worker = news.worker();
@@ -159,10 +164,7 @@ Status FarmWorker::attendOnce() {
       const std::lock_guard lock(mutex_);
       refused_ = {};
       logInfo("farm: attends coordinator %s as %s (%s)", config_.farmCoordinator.c_str(), name_.c_str(), news.worker().c_str());
-      const double lease = std::clamp(news.lease_s(), 1.0, 86400.0), checkpoint = std::clamp(news.checkpoint_s(), 0.05, 86400.0);
-      if (worker_) {
-        worker_->setTimes(lease, checkpoint);
-      } else if (!stopping_) {
+      if (!worker_ && !stopping_) {
         JobWorkerOptions options;
         options.displays = displayTransforms(config_);
         options.workers = int(info.frames());

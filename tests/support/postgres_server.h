@@ -67,7 +67,7 @@ class PostgresServer {
 
   void start() {
     pid_ = spawn({program("postgres"), "-D", data(), "-k", folder_, "-c", "listen_addresses=", "-c", durable_ ? "fsync=on" : "fsync=off", "-c",
-                  "shared_buffers=32MB", "-c", "max_connections=80", "-c", "log_min_messages=warning"});
+                  "shared_buffers=32MB", "-c", "max_connections=80", "-c", "log_min_messages=warning", "-c", "autovacuum=off"});
     for (int i = 0; i < 3000; ++i) {
       std::ifstream in(data() + "/postmaster.pid");
       std::string line;

@@ -5,7 +5,10 @@
 #include <cmath>
 #include <map>
 #include <mutex>
+#include <optional>
 
+#include "base/hash.h"
+#include "base/latest_map.h"
 #include "techniques/transfer/closed_mesh.h"
 
 namespace gobo::transfer {
@@ -41,7 +44,19 @@ struct Turned {
 bool showsBacks(const SceneView& view, int mesh) {
   const auto of = view.mesh<Facet::Topology | Facet::Pose>(mesh);
   const Coverage& coverage = view.coverage(of.material);
-  return coverage.doubleSided || coverage.mode != AlphaMode::Opaque || !hidesBacks(of.indices, of.positions);
+  if (coverage.doubleSided || coverage.mode != AlphaMode::Opaque) return true;
+  // Known for the meshes of late: a scene is asked for each pose of its objects, and while requests are planned.
+  static std::mutex mutex;
+  static LatestMap<Hash128, std::optional<bool>> known(4096);
+  const Hash128 key = Hasher("hides-backs").addArray(of.indices).addArray(of.positions).digest();
+  {
+    const std::lock_guard lock(mutex);
+    if (const std::optional<bool>* hides = known.find(key); hides && *hides) return !**hides;
+  }
+  const bool hides = hidesBacks(of.indices, of.positions);
+  const std::lock_guard lock(mutex);
+  known.touch(key) = hides;
+  return !hides;
 }
 
 }  // namespace

@@ -135,7 +135,6 @@ TEST_P(JobLog, TheHolderOfARunningFrameAndOfADoneOne) {
   EXPECT_EQ(get(id).frames(1).holder(), "");
 }
 
-// Two jobs whose changes take turns, each many times what is kept: both stay near the bound, and neither takes from the other.
 // A statement is kept for each text that there was: what callers send is a value.
 TEST_P(JobLog, OtherFramesAndStatesAreNoOtherStatements) {
   const int64_t id = submit(makeJob(3));
@@ -156,6 +155,7 @@ TEST_P(JobLog, OtherFramesAndStatesAreNoOtherStatements) {
   EXPECT_LT(texts.size(), 20u);
 }
 
+// Two jobs whose changes take turns, each many times what is kept: both stay near the bound, and neither takes from the other.
 TEST_P(JobLog, TheNewestAreKept) {
   options.logEntries = 50;
   open();
