@@ -68,33 +68,78 @@ class Keys {
   std::vector<Frame> frames_;
 };
 
+/// Builds the document as the parser goes through the text. Not the library's callbacks: with those it looks at all elements of a
+/// list after each object in it, hours for a million nodes.
+class Builder final : public nlohmann::json_sax<Json> {
+ public:
+  explicit Builder(Json& root) : root_(root) {}
+  /// Set where parsing stopped: what the library says of the text, or the key that stands twice and its place.
+  std::string fault, twice, place;
+
+  bool null() override { return value(nullptr); }
+  bool boolean(bool v) override { return value(v); }
+  bool number_integer(number_integer_t v) override { return value(v); }
+  bool number_unsigned(number_unsigned_t v) override { return value(v); }
+  bool number_float(number_float_t v, const string_t&) override { return value(v); }
+  bool string(string_t& v) override { return value(std::move(v)); }
+  bool binary(binary_t& v) override { return value(std::move(v)); }
+  bool start_object(size_t) override { return open(Json::value_t::object); }
+  bool start_array(size_t) override { return open(Json::value_t::array); }
+  bool end_object() override { return close(); }
+  bool end_array() override { return close(); }
+  bool key(string_t& k) override {
+    if (!keys_.add(k)) {
+      twice = k;
+      place = keys_.pointer();
+      return false;
+    }
+    key_ = std::move(k);
+    return true;
+  }
+  bool parse_error(size_t, const std::string&, const Json::exception& e) override {
+    fault = e.what();
+    return false;
+  }
+
+ private:
+  /// Where it stands now. A list that grows moves none that is open: only the innermost does.
+  Json& put(Json v) {
+    if (open_.empty()) return root_ = std::move(v);
+    if (Json& in = *open_.back(); in.is_object()) return in[key_] = std::move(v);
+    open_.back()->push_back(std::move(v));
+    return open_.back()->back();
+  }
+  bool value(Json v) {
+    put(std::move(v));
+    keys_.value();
+    return true;
+  }
+  bool open(Json::value_t kind) {
+    open_.push_back(&put(Json(kind)));
+    keys_.open(kind == Json::value_t::array);
+    return true;
+  }
+  bool close() {
+    open_.pop_back();
+    keys_.close();
+    return true;
+  }
+
+  Json& root_;
+  std::vector<Json*> open_;  // the containers around the next value
+  std::string key_;
+  Keys keys_;
+};
+
 }  // namespace
 
 Status parseJson(const std::string& path, std::string_view text, Json& out) {
   if (!nestingFits(text)) return invalidArgument("JSON is nested more than " + std::to_string(kMaxNesting) + " deep", path);
-  Keys keys;
-  std::string twice, place;
-  const Json::parser_callback_t follow = [&](int, Json::parse_event_t event, Json& parsed) {
-    using E = Json::parse_event_t;
-    switch (event) {
-      case E::object_start: keys.open(false); break;
-      case E::array_start: keys.open(true); break;
-      case E::object_end:
-      case E::array_end: keys.close(); break;
-      case E::value: keys.value(); break;
-      case E::key:
-        if (!keys.add(parsed.get_ref<const std::string&>()) && twice.empty()) {
-          twice = parsed.get<std::string>();
-          place = keys.pointer();
-        }
-        break;
-    }
-    return true;
-  };
-  try {
-    out = Json::parse(text.begin(), text.end(), follow);
-  } catch (const Json::exception& e) { return invalidArgument(std::string("JSON cannot be parsed: ") + e.what(), path + "#"); }
-  if (!twice.empty()) return invalidArgument("\"" + twice + "\" stands twice in one object", path + "#" + place);
+  Builder builder(out);
+  const bool whole = Json::sax_parse(text.begin(), text.end(), &builder);
+  if (!builder.twice.empty() || !builder.place.empty())
+    return invalidArgument("\"" + builder.twice + "\" stands twice in one object", path + "#" + builder.place);
+  if (!whole) return invalidArgument("JSON cannot be parsed: " + builder.fault, path + "#");
   if (!out.is_object()) return invalidArgument("the document is not a JSON object", path + "#");
   return {};
 }
