@@ -56,9 +56,8 @@ class AmbientLightNode final : public Node {
       GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
       reader = std::make_unique<const SurfaceReader>(*ctx.scene, accel, *ctx.inputs[0], s_.camera);
     }
-    const Vec3 eye(s_.camera.toWorld[3]), back(s_.camera.toWorld[2]);
     const bool complete = ctx.arena->parallelFor(
-        pixels(), 1 << 12,
+        pixels(), albedoGrain(1 << 12, s_.extended, s_.viewSamples),
         [&](size_t begin, size_t end) {
           for (int s = 0; s < s_.viewSamples; ++s)
             for (size_t p = begin; p < end; ++p) {
@@ -69,9 +68,7 @@ class AmbientLightNode final : public Node {
               float reflecting = (1.0f - material[5 * i]) * (1.0f - material[5 * i + 4]) * scale;
               if (flags[i] & kSurfaceExtended) {
                 GOBO_CHECK(reader != nullptr);
-                Surface full;
-                reader->read(i, full);
-                colour = diffuseAlbedo(full.bsdf, full.frame().toLocal(s_.camera.perspective ? glm::normalize(eye - full.p) : back));
+                colour = diffuseAlbedo(*reader, i);
                 reflecting = scale;
               }
               for (int k = 0; k < 3; ++k) {

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "terms/surface_reader.h"
 #include "trace/bsdf.h"
 
 namespace gobo {
@@ -28,6 +29,16 @@ inline Vec3 diffuseAlbedo(BsdfParams b, const Vec3& wo) {
   }
   return sum;
 }
+
+/// That of view element `i`, whose material is extended (kSurfaceExtended), to the viewer.
+inline Vec3 diffuseAlbedo(const SurfaceReader& reader, size_t i) {
+  Surface s;
+  reader.read(i, s);
+  return diffuseAlbedo(s.bsdf, s.frame().toLocal(reader.towardsViewer(i)));
+}
+
+/// View elements of a package of work when some of `layers` may be extended: between two looks for a stop there are as many of them as pixels times layers.
+inline size_t albedoGrain(size_t elements, bool extended, int layers) { return extended ? maxOf(elements / size_t(layers), size_t(1)) : elements; }
 
 }  // namespace filters
 }  // namespace gobo

@@ -27,9 +27,12 @@ SurfaceReader::SurfaceReader(const SceneView& view, AccelPtr accel, const Term& 
   table_.build(view, *accel_);
 }
 
+Vec3 SurfaceReader::towardsViewer(size_t i) const {
+  return camera_.perspective ? glm::normalize(eye_ - Vec3(P_[3 * i], P_[3 * i + 1], P_[3 * i + 2])) : -forward_;
+}
+
 void SurfaceReader::read(size_t i, Surface& out) const {
-  const Vec3 p(P_[3 * i], P_[3 * i + 1], P_[3 * i + 2]);
-  const Vec3 d = camera_.perspective ? glm::normalize(p - eye_) : forward_;
+  const Vec3 d = -towardsViewer(i);
   // The G-buffer's normal is turned to the viewer; the outside normal decides which side of a dielectric this is.
   const Vec3 facing(Ng_[3 * i], Ng_[3 * i + 1], Ng_[3 * i + 2]);
   const Vec3 outside = outsideNormal(accel_->impl().instances[instance_[i]], primitive_[i]);

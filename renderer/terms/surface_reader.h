@@ -23,6 +23,8 @@ class SurfaceReader {
   size_t size() const { return instance_.size(); }
   bool hit(size_t i) const { return instance_[i] != kNoHit; }
   void read(size_t i, Surface& out) const;
+  /// Unit vector from the view element's point to the viewer.
+  Vec3 towardsViewer(size_t i) const;
 
  private:
   AccelPtr accel_;

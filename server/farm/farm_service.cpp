@@ -155,7 +155,7 @@ Status FarmService::claim(const v1::ClaimRequest& request, v1::ClaimReply& reply
     return status;
   }
   book_.claimed(request.worker(), *lease);
-  core_.durable->hub().changed();
+  core_.durable->hub().changed(lease->task.job);
   return {};
 }
 
@@ -197,7 +197,7 @@ grpc::Status FarmService::Checkpoint(grpc::ServerContext* context, const v1::Che
       files().remove(files().checkpointPath(lease.task, o.digest));
       reply->add_replaced(o.digest);
     }
-    core_.durable->hub().changed();
+    core_.durable->hub().changed(lease.task.job);
     return grpc::Status::OK;
   });
 }
@@ -223,7 +223,7 @@ Status FarmService::complete(const v1::CompletionReport& report) {
   files().removeCheckpoints(lease.task);
   book_.ended(lease.task, lease.token, WorkerBook::End::Done);
   core_.durable->hub().clearLive(lease.task);
-  core_.durable->hub().changed();
+  core_.durable->hub().changed(lease.task.job);
   return {};
 }
 

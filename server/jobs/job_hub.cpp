@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <utility>
 
 namespace gobo {
 inline namespace jobs {
@@ -11,8 +12,48 @@ void JobHub::changed() {
   {
     const std::lock_guard lock(mutex_);
     ++version_;
+    for (auto& [job, topic] : topics_) {
+      ++topic.version;
+      topic.wake.notify_all();
+    }
   }
   wake_.notify_all();
+}
+
+void JobHub::changed(int64_t job) {
+  {
+    const std::lock_guard lock(mutex_);
+    ++version_;
+    tell(job);
+  }
+  wake_.notify_all();
+}
+
+void JobHub::tell(int64_t job) {
+  const auto it = topics_.find(job);
+  if (it == topics_.end()) return;
+  ++it->second.version;
+  it->second.wake.notify_all();
+}
+
+JobHub::Watch::Watch(JobHub& hub, int64_t job) : hub_(hub), job_(job) {
+  const std::lock_guard lock(hub_.mutex_);
+  Topic& topic = hub_.topics_[job_];
+  ++topic.watches;
+  seen_ = topic.version;
+}
+
+JobHub::Watch::~Watch() {
+  const std::lock_guard lock(hub_.mutex_);
+  const auto it = hub_.topics_.find(job_);
+  if (--it->second.watches == 0) hub_.topics_.erase(it);
+}
+
+bool JobHub::Watch::wait(double seconds) {
+  std::unique_lock lock(hub_.mutex_);
+  Topic& topic = hub_.topics_.find(job_)->second;
+  topic.wake.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return topic.version != seen_; });
+  return std::exchange(seen_, topic.version) != topic.version;
 }
 
 void JobHub::steered() {
@@ -57,12 +98,9 @@ void JobHub::wait(uint64_t& seen, double seconds) {
 }
 
 void JobHub::setLive(TaskId task, const Live& live) {
-  {
-    const std::lock_guard lock(mutex_);
-    live_[task] = live;
-    ++version_;
-  }
-  wake_.notify_all();
+  const std::lock_guard lock(mutex_);
+  live_[task] = live;
+  tell(task.job);
 }
 
 void JobHub::clearLive(TaskId task) {

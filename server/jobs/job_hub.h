@@ -21,7 +21,9 @@ class JobHub {
     uint32_t spp = 0;
   };  ///< stored: what the store's row says
 
+  /// Something of any job, or of `job` alone: only those who wait for that one wake, and the workers.
   void changed();
+  void changed(int64_t job);
   void steered();
   /// Frames may have become ready: whoever works elsewhere is told (server/farm).
   void queued();
@@ -34,8 +36,23 @@ class JobHub {
   News waitNews(const News& seen, double seconds) const;
   uint64_t control() const { return control_.load(); }
   uint64_t version() const;
-  /// Waits until version() is not `seen`, at most `seconds`; updates `seen`.
+  /// A worker's: waits until version() is not `seen`, at most `seconds`; updates `seen`. Live progress wakes none of them.
   void wait(uint64_t& seen, double seconds);
+  /// Who waits for news of one job, from here to its end. Hundreds may, whom news of other jobs would wake for nothing.
+  class Watch {
+   public:
+    Watch(JobHub& hub, int64_t job);
+    ~Watch();
+    Watch(const Watch&) = delete;
+    Watch& operator=(const Watch&) = delete;
+    /// Until there is news of the job, or live progress, since the last wait (since it began), at most `seconds`. False: there is none.
+    bool wait(double seconds);
+
+   private:
+    JobHub& hub_;
+    int64_t job_;
+    uint64_t seen_ = 0;
+  };
 
   void setLive(TaskId task, const Live& live);
   void clearLive(TaskId task);
@@ -44,6 +61,13 @@ class JobHub {
   void overlay(JobRecord& record) const;
 
  private:
+  struct Topic {
+    std::condition_variable wake;
+    uint64_t version = 0;
+    int watches = 0;
+  };
+  void tell(int64_t job);  // under mutex_
+
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   mutable std::condition_variable newsWake_;
@@ -51,6 +75,7 @@ class JobHub {
   News news_;
   std::atomic<uint64_t> control_{0};
   std::map<TaskId, Live> live_;
+  std::map<int64_t, Topic> topics_;  // of jobs that somebody watches
 };
 
 }  // namespace jobs

@@ -43,10 +43,10 @@ void JobWorker::loop(int number) {
       hub_.wait(seen, lease.ok() ? options_.pollSeconds : 2);
       continue;
     }
-    hub_.changed();
+    hub_.changed((*lease)->task.job);
     TaskRun(*this, **lease).run();
     hub_.clearLive((*lease)->task);
-    hub_.changed();
+    hub_.changed((*lease)->task.job);
   }
 }
 

@@ -65,7 +65,8 @@ grpc::Status JobsService::watch(Rpc& rpc, const v1::WatchJobRequest& sent, grpc:
   auto record = read(rpc, request->id(), true);
   if (!record.ok()) return toGrpc(record.status());
   JobHub& hub = core_.durable->hub();
-  uint64_t seen = hub.version(), revision = record->revision;
+  JobHub::Watch watched(hub, record->id);
+  uint64_t revision = record->revision;
   v1::JobEvent first;
   *first.mutable_job() = record->job;
   if (!send(rpc, *writer, first)) return {grpc::StatusCode::CANCELLED, "the client has gone"};
@@ -75,12 +76,11 @@ grpc::Status JobsService::watch(Rpc& rpc, const v1::WatchJobRequest& sent, grpc:
   JobRecord known;                    // without frames
   v1::Job::State state = record->job.state();
   while (!jobIsOver(state)) {
-    const uint64_t before = seen;
-    hub.wait(seen, kStreamPoll);
+    const bool told_now = watched.wait(kStreamPoll);
     if (context->IsCancelled()) return {grpc::StatusCode::CANCELLED, "the client has gone"};
     if (core_.draining()) return rpc.refuseDraining();
-    const uint64_t next = core_.durable->looks().number(seen);
-    if (next == look && seen == before) continue;
+    const uint64_t next = core_.durable->looks().number(hub.version());
+    if (next == look && !told_now) continue;
     Result<JobRecord> news = known;
     if (next != look) {
       news = core_.durable->store().changes(record->id, revision);
@@ -174,7 +174,7 @@ grpc::Status JobsService::fetch(Rpc& rpc, const v1::FetchRequest& sent, grpc::Se
   if (wanted.empty()) wanted = known;
   uint64_t offset = request->offset();
   JobHub& hub = core_.durable->hub();
-  uint64_t seen = hub.version();
+  JobHub::Watch watched(hub, record->id);
   std::optional<uint64_t> look;  // of the store, at `record`
   // Ascending by frame, always: a later frame that is finished already waits for its turn.
   for (int at = 0; at < record->job.frames_size();) {
@@ -193,10 +193,10 @@ grpc::Status JobsService::fetch(Rpc& rpc, const v1::FetchRequest& sent, grpc::Se
       ++at;
       continue;
     }
-    hub.wait(seen, kStreamPoll);
+    watched.wait(kStreamPoll);
     if (context->IsCancelled()) return {grpc::StatusCode::CANCELLED, "the client has gone"};
     if (core_.draining()) return rpc.refuseDraining();
-    const uint64_t next = core_.durable->looks().number(seen);
+    const uint64_t next = core_.durable->looks().number(hub.version());
     if (next == look) continue;
     auto news = core_.durable->store().changes(record->id, record->revision);
     if (!news.ok()) return toGrpc(news.status());

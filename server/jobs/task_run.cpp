@@ -72,7 +72,7 @@ void TaskRun::flush() {
   if (status.ok()) {
     storedProgress_ = progress;
     gap_ = std::max(w_.checkpointSeconds_.load(), kWriteShare * since(start));
-    w_.hub_.changed();
+    w_.hub_.changed(lease_.task.job);
   } else if (status.code() == Code::FailedPrecondition) {
     ask(End::Lost);
   } else {

@@ -180,7 +180,7 @@ class TransferredSurfaceNode final : public Node {
       reader = std::make_unique<const SurfaceReader>(*ctx.scene, accel, *ctx.inputs[0], camera_);
     }
     const bool complete = ctx.arena->parallelFor(
-        pixels, 1 << 13,
+        pixels, albedoGrain(1 << 13, extended_, view_.layers),
         [&](size_t begin, size_t end) {
           for (size_t s = 0; s < size_t(view_.layers); ++s)
             for (size_t p = begin; p < end; ++p) {
@@ -191,9 +191,7 @@ class TransferredSurfaceNode final : public Node {
               float reflecting = (1.0f - material[5 * i]) * (1.0f - material[5 * i + 4]) * scale;
               if (flags[i] & kSurfaceExtended) {
                 GOBO_CHECK(reader != nullptr);
-                Surface full;
-                reader->read(i, full);
-                colour = diffuseAlbedo(full.bsdf, full.frame().toLocal(out));
+                colour = diffuseAlbedo(*reader, i);
                 reflecting = scale;
               } else if (material[5 * i + 2] > 0.0f && reflecting > 0.0f) {
                 BsdfParams b;

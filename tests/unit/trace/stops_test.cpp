@@ -3,6 +3,7 @@
 // and a tracer made after stopped ones is the same bit for bit.
 #include <gtest/gtest.h>
 
+#include "support/instrumented.h"
 #include "support/stopping.h"
 #include "support/tiny_scenes.h"
 #include "trace/camera_media.h"
@@ -90,7 +91,7 @@ TEST(Stops, ATracerIsNotMadeWhateverThePoll) {
   const auto make = [&](const StopToken& stop) { return PathTracer::create(t.view(), t.accel, t.settings, stop); };
   const int polls = pollsOf([&](const StopToken& s) { ASSERT_NE(make(s), nullptr); });
   EXPECT_GE(polls, 2 * kRows + 300);
-  for (int k = 1; k <= polls; k += 1 + polls / 23) EXPECT_EQ(make(stopAt(k)), nullptr) << k << " of " << polls;
+  for (int k = 1; k <= polls; k += 1 + polls / (gobo::testing::kInstrumented ? 7 : 23)) EXPECT_EQ(make(stopAt(k)), nullptr) << k << " of " << polls;
   EXPECT_EQ(make(stopAt(polls)), nullptr);
   EXPECT_EQ(make(stoppedAlready()), nullptr);
   const auto traced = [](const PathTracer& tracer) {
@@ -111,7 +112,7 @@ TEST(Stops, APhotonTracerIsNotMadeWhateverThePoll) {
   const auto make = [&](const StopToken& stop) { return CausticTracer::create(t.view(), t.accel, settings, stop); };
   const int polls = pollsOf([&](const StopToken& s) { ASSERT_NE(make(s), nullptr); });
   EXPECT_GE(polls, 2 * kRows + 300 + 200);  // and the volumes around each of 200 punctual lights
-  for (int k = 1; k <= polls; k += 1 + polls / 11) EXPECT_EQ(make(stopAt(k)), nullptr) << k << " of " << polls;
+  for (int k = 1; k <= polls; k += 1 + polls / (gobo::testing::kInstrumented ? 3 : 11)) EXPECT_EQ(make(stopAt(k)), nullptr) << k << " of " << polls;
 }
 
 }  // namespace
