@@ -277,6 +277,25 @@ TEST_F(Files, TreesHaveTheNamesAndGoWithTheirLastUser) {
   EXPECT_NE(none.message().find("open.files[\"c.bin\"] = " + hash("three")), std::string::npos) << none.message();
 }
 
+// An error must fit into what clients take of metadata: gRPC's give up at 8 KB.
+TEST_F(Files, AnErrorNamesAsManyAsFit) {
+  std::map<std::string, std::string> many, long_;
+  for (int i = 10; i < 60; ++i) {
+    many[std::to_string(i) + ".bin"] = hash("none");
+    long_[std::to_string(i) + std::string(240, '\x01') + ".bin"] = hash("none");
+  }
+  const std::string named = store->tree("", many, "open.files").status().message();
+  EXPECT_NE(named.find("50 of 50 files"), std::string::npos) << named;
+  EXPECT_NE(named.find("\"10.bin\"] = " + hash("none")), std::string::npos);
+  EXPECT_NE(named.find("\"29.bin\"]"), std::string::npos);
+  EXPECT_EQ(named.find("\"30.bin\"]"), std::string::npos);
+  EXPECT_TRUE(named.ends_with(", ...")) << named;
+  const std::string bounded = store->tree("", long_, "open.files").status().message();
+  EXPECT_NE(bounded.find("[\"10"), std::string::npos);
+  EXPECT_LT(bounded.size(), 3500u);
+  EXPECT_TRUE(bounded.ends_with(", ..."));
+}
+
 TEST_F(Files, NamesAreThoseOfATree) {
   const std::string d = hash("x");
   EXPECT_TRUE(checkFileNames({{"a.gltf", d}, {"b/c.bin", d}}, "a.gltf").ok());
