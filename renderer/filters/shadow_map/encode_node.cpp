@@ -70,8 +70,9 @@ class EncodeNode : public Node {
           for (size_t s = from; s < to; ++s) {
             const size_t face = s / strips;
             const int y0 = int(s % strips) * kStrip, y1 = std::min(y0 + kStrip, height);
-            strip.make(*basis_, z.data() + face * size_t(width) * size_t(height), height, y0, y1, weights);
+            if (!strip.make(*basis_, z.data() + face * size_t(width) * size_t(height), height, y0, y1, weights, ctx.stop)) return;
             for (int y = y0; y < y1; ++y) {
+              if (ctx.stop.stopRequested()) return;
               const size_t at = (face * size_t(height) + size_t(y)) * row;
               if (bytes_) {
                 strip.finish(y, weights, basis_->logarithmic(), strip.line());
@@ -83,7 +84,7 @@ class EncodeNode : public Node {
           }
         },
         ctx.stop);
-    if (!done) return Status(Code::Cancelled, "shadow_encode stopped");
+    if (!done || ctx.stop.stopRequested()) return Status(Code::Cancelled, "shadow_encode stopped");
     return TermPtr(term);
   }
 
@@ -102,11 +103,13 @@ class EncodeNode : public Node {
           line_(width * step),
           around_(size_t(2 * blur + 1)) {}
     float* line() { return line_.data(); }
-    void make(const ShadowBasis& basis, const float* z, int height, int y0, int y1, const std::vector<float>& weights) {
+    /// False: stopped. Looked for row by row: one of a wide map with a wide kernel takes a millisecond.
+    bool make(const ShadowBasis& basis, const float* z, int height, int y0, int y1, const std::vector<float>& weights, const StopToken& stop) {
       first_ = y0 - blur_;
       height_ = height;
       const size_t row = width_ * step_, pad = size_t(blur_) * step_;
       for (int y = std::max(first_, 0); y < std::min(y1 + blur_, height); ++y) {
+        if (stop.stopRequested()) return false;
         float* to = &rows_[size_t(y - first_) * row];
         if (blur_ == 0) {
           basis.encode(z + size_t(y) * width_, to, width_);
@@ -121,6 +124,7 @@ class EncodeNode : public Node {
         if (basis.logarithmic() > 0.0f) filterRowLogarithmic(padded_.data(), weights.data(), int(weights.size()), basis.logarithmic(), to, row);
         else filterRow(padded_.data(), weights.data(), int(weights.size()), step_, to, row);
       }
+      return true;
     }
     void finish(int y, const std::vector<float>& weights, float logarithmic, float* out) {
       const size_t row = width_ * step_;

@@ -47,7 +47,8 @@ bool softSums(SoftAsk ask, const SoftReceivers& receivers, const DepthBounds& bo
     if (pattern.taps == 0 || softTexels(box) <= BlockerSearch::kDensePerTap * pattern.taps) {
       if (softTexels(box) >= BlockerSearch::kPolled && stop.stopRequested()) return false;
       w.done[i].dense(box);
-      const SoftSums s = softDense(ask, bounds.depth(w.b.at.face[i]), side, w.b, i, box, w.scratch.data());
+      const SoftSums s = softDense(ask, bounds.depth(w.b.at.face[i]), side, w.b, i, box, w.scratch.data(), stop);
+      if (s.stopped) return false;
       w.blocked[i] = s.blocked / s.weight;
       w.depth[i] = s.depth / s.weight;
     } else {

@@ -14,6 +14,8 @@ using namespace formulas;
 
 namespace {
 
+constexpr int kPolledTexels = 1 << 20;
+
 // One row of a box: columns' sums of weight wy over what blocks, and of its depths.
 template <SoftAsk ask>
 void row(const float* __restrict z, int n, float dx0, float limit, float margin, float a, float ax, float b, float bx, float wy, float* __restrict blocked,
@@ -27,7 +29,7 @@ void row(const float* __restrict z, int n, float dx0, float limit, float margin,
 }
 
 template <SoftAsk ask>
-SoftSums dense(const float* z, int side, const SoftBlock& b, int i, const SoftBox& box, float* __restrict scratch) {
+SoftSums dense(const float* z, int side, const SoftBlock& b, int i, const SoftBox& box, float* __restrict scratch, const StopToken& stop) {
   const int x0 = int(box.x0), x1 = std::min(int(std::ceil(box.x1)), side), y0 = int(box.y0), y1 = std::min(int(std::ceil(box.y1)), side), n = x1 - x0;
   // Whole vectors a row: what is read beyond the box is not counted, and behind the map's last row the bounds go on (depth_bounds.h).
   const int lanes = side >= 8 ? (n + 7) & ~7 : n;
@@ -35,7 +37,9 @@ SoftSums dense(const float* z, int side, const SoftBlock& b, int i, const SoftBo
   float* depth = scratch + side + 8;
   std::fill_n(blocked, lanes, 0.0f);
   if (ask == SoftAsk::Blockers) std::fill_n(depth, lanes, 0.0f);
+  const int often = std::max(kPolledTexels / std::max(lanes, 1), 1);  // rows
   for (int y = y0; y < y1; ++y) {
+    if ((y - y0) % often == often - 1 && stop.stopRequested()) return {.stopped = true};
     const float wy = std::min(box.y1, float(y + 1)) - std::max(box.y0, float(y)), dy = float(y) - b.at.y[i];
     row<ask>(z + size_t(y) * size_t(side) + size_t(x0), lanes, float(x0) - b.at.x[i], b.limit[i], b.margin[i], b.a[i] + b.ay[i] * dy, b.ax[i],
              b.b[i] + b.by[i] * dy, b.bx[i], wy, blocked, depth);
@@ -52,8 +56,8 @@ SoftSums dense(const float* z, int side, const SoftBlock& b, int i, const SoftBo
 
 }  // namespace
 
-SoftSums softDense(SoftAsk ask, const float* z, int side, const SoftBlock& b, int i, const SoftBox& box, float* scratch) {
-  return ask == SoftAsk::Share ? dense<SoftAsk::Share>(z, side, b, i, box, scratch) : dense<SoftAsk::Blockers>(z, side, b, i, box, scratch);
+SoftSums softDense(SoftAsk ask, const float* z, int side, const SoftBlock& b, int i, const SoftBox& box, float* scratch, const StopToken& stop) {
+  return ask == SoftAsk::Share ? dense<SoftAsk::Share>(z, side, b, i, box, scratch, stop) : dense<SoftAsk::Blockers>(z, side, b, i, box, scratch, stop);
 }
 
 void SoftTaps::add(const SoftBlock& block, int i, const SoftBox& box, size_t faceTexels, uint64_t element) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/stop.h"
 #include "filters/soft_shadow/soft_receivers.h"
 
 namespace gobo {
@@ -13,13 +14,15 @@ inline namespace filters {
 /// Weighted by a box: its area, the part of it that blocks, and the sum of the blockers' depths.
 struct SoftSums {
   float weight = 0, blocked = 0, depth = 0;
+  bool stopped = false;
 };
 
 /// What is asked of a kernel: the blocked share and the blockers' depths, or the share alone.
 enum class SoftAsk { Blockers, Share };
 
-/// Every texel of a box with its exact weight. `scratch`: at least 2 (side + 8) floats. `z`: level 0 of depth bounds.
-SoftSums softDense(SoftAsk ask, const float* z, int side, const SoftBlock& b, int i, const SoftBox& box, float* scratch);
+/// Every texel of a box with its exact weight. `scratch`: at least 2 (side + 8) floats. `z`: level 0 of depth bounds. Looks for a stop after each million
+/// texels, a millisecond: whole maps have up to a hundred million.
+SoftSums softDense(SoftAsk ask, const float* z, int side, const SoftBlock& b, int i, const SoftBox& box, float* scratch, const StopToken& stop = {});
 
 /// Texels that a box touches: what softDense costs.
 inline int softTexels(const SoftBox& box) { return (int(std::ceil(box.x1)) - int(box.x0)) * (int(std::ceil(box.y1)) - int(box.y0)); }

@@ -86,6 +86,25 @@ TEST(ComparisonStops, AStopAtAnyPollIsNoResult) {
     EXPECT_EQ(runUntil(node, {view, bounds}, tests::stopAt(poll)).status().code(), Code::Cancelled) << poll << " of " << polls;
 }
 
+// One receiver's kernels in a map of 4096 x 4096 are twice 16 million texels, 20 ms.
+TEST(ComparisonStops, OneReceiverOfALargeMapLooksAllAlong) {
+  constexpr int side = 4096;
+  const NodePtr node = makePercentageCloserSoftNode(wideLight(side, true));
+  const TermPtr bounds = depthBounds(bars(side)), view = receiversOf({1, 1, {}});
+  const int polls = tests::pollsOf([&](const StopToken& s) { ASSERT_TRUE(runUntil(node, {view, bounds}, s).ok()); });
+  EXPECT_GE(polls, 32);
+  for (const int poll : {1, polls / 4, 3 * polls / 4, polls}) EXPECT_FALSE(runUntil(node, {view, bounds}, tests::stopAt(poll)).ok()) << poll << " of " << polls;
+}
+
+TEST(ComparisonStops, WideBlursLookRowByRow) {
+  constexpr int side = 100, blur = 24;  // four strips of rows, which read others above and below
+  const NodePtr node = makeShadowEncodeNode(makeExponentialBasis(20.0f, false), blur, side, 1, false);
+  const TermPtr z = bars(side);
+  const int polls = tests::pollsOf([&](const StopToken& s) { ASSERT_TRUE(runUntil(node, {z}, s).ok()); });
+  EXPECT_GE(polls, 2 * side);
+  for (const int poll : {1, 30, polls / 2, polls}) EXPECT_FALSE(runUntil(node, {z}, tests::stopAt(poll)).ok()) << poll << " of " << polls;
+}
+
 PercentageCloserLookup wide(int side, Pattern::Pattern pattern, int size) {
   PercentageCloserLookup l = unitComparison(side, pattern, size);
   l.skip = false;
