@@ -15,7 +15,11 @@ deps:
 
 build: deps
 	@[ -f $(BUILD)/build.ninja ] || $(CONFIGURE) > $(BUILD).log 2>&1 || { cat $(BUILD).log; exit 1; }
-	@ninja -C $(BUILD) -j $(JOBS) gobo gobod python_client
+	@ninja -C $(BUILD) -j $(JOBS) gobo gobod gobo_texts python_client
+
+# Programs, texts, the Python client and the library (cmake/install.cmake) -> PREFIX (CMake's own: /usr/local)
+install: build
+	@cmake --install $(BUILD) $(if $(PREFIX),--prefix $(PREFIX))
 
 demo: build
 	@BUILD=$(BUILD) SCENE='$(SCENE)' ENV='$(ENV)' deploy/demo
@@ -67,7 +71,6 @@ docs: deps
 
 # Debian packages (cmake/package.cmake; docs/operations.md) -> $(BUILD)/packages
 deb: build
-	@ninja -C $(BUILD) -j $(JOBS) gobo_texts
 	@cpack --config $(BUILD)/CPackConfig.cmake > $(BUILD)/packages.log 2>&1 || { cat $(BUILD)/packages.log; exit 1; }
 	@ls $(BUILD)/packages/*.deb
 

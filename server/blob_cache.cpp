@@ -2,7 +2,6 @@
 #include "server/blob_cache.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -19,6 +18,7 @@
 #include "server/encode.h"
 #include "server/log.h"
 #include "server/random_hex.h"
+#include "server/scratch.h"
 
 namespace gobo {
 inline namespace server {
@@ -100,10 +100,7 @@ Result<std::unique_ptr<BlobCache>> BlobCache::open(const std::string& folder, ui
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     const std::string path = it->path().string();
     if (it->path().filename().string().rfind(kTemporary, 0) != 0) continue;
-    const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW);
-    if (fd < 0) continue;
-    if (::flock(fd, LOCK_EX | LOCK_NB) == 0) ::unlink(path.c_str());  // its writer is gone
-    ::close(fd);
+    if (const Descriptor fd = lockAbandonedFile(path); fd) ::unlink(path.c_str());
   }
   sayOtherFormats(folder);
   cache->trim("");
@@ -188,17 +185,13 @@ Result<std::unique_ptr<BlobCache::Temporary>> BlobCache::begin() const {
     if (!name) return failed(problem);
     const std::string path = folder_ + "/" + kTemporary + *name;
     std::unique_ptr<Temporary> t(new Temporary());
-    t->fd_ = ::open(path.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
-    if (t->fd_ < 0) {
-      if (errno != ENOENT && errno != EEXIST) return failed(problem);
-      if (errno == ENOENT) GOBO_TRY(makeOwnFolder(folder_, kWhat));  // somebody removed the folder
-      continue;
+    t->fd_ = lockNewFile(path).release();
+    if (t->fd_ >= 0) {
+      t->path_ = path;  // from here on it goes with `t`
+      return t;
     }
-    t->path_ = path;  // from here on it goes with `t`
-    const bool locked = ::flock(t->fd_, LOCK_EX | LOCK_NB) == 0;
-    if (!locked && errno != EWOULDBLOCK) return failed(problem);
-    struct stat info {};  // while it was not locked, a daemon that starts may have taken it for one of the dead
-    if (locked && ::fstat(t->fd_, &info) == 0 && info.st_nlink > 0) return t;
+    if (errno != ENOENT && errno != EEXIST && errno != EWOULDBLOCK) return failed(problem);
+    if (errno == ENOENT) GOBO_TRY(makeOwnFolder(folder_, kWhat));  // somebody removed the folder
   }
   return Status(Code::Unavailable, problem + ": none of its new files stays");
 }

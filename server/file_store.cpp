@@ -15,6 +15,7 @@
 #include "base/own_folder.h"
 #include "scene/file_source.h"
 #include "server/log.h"
+#include "server/upload.h"
 
 namespace gobo {
 inline namespace server {
@@ -137,17 +138,11 @@ Result<std::shared_ptr<FileStore>> FileStore::open(const FileStoreOptions& optio
   return self;
 }
 
-FileStore::~FileStore() {
-  std::error_code ignored;
-  if (private_ && !options_.folder.empty()) fs::remove_all(options_.folder, ignored);
-}
-
 Status FileStore::ensureFolder() {
   const std::lock_guard lock(mutex_);
   if (private_ && options_.folder.empty()) {
-    std::string pattern = options_.tmpFolder + "/gobo-upload-" + std::to_string(::getpid()) + "-XXXXXX";  // of those that removeStaleUploads knows
-    if (!::mkdtemp(pattern.data())) return failed("cannot make a folder in \"" + options_.tmpFolder + "\"", errno);
-    options_.folder = pattern;
+    GOBO_ASSIGN(scratch_, ScratchFolder::make(options_.tmpFolder, kUploadFolder));
+    options_.folder = scratch_->path();
   }
   if (!private_) GOBO_TRY(makeOwnFolder(options_.folder, kBlobsFolder));
   const std::string trees = options_.folder + "/trees";

@@ -22,6 +22,7 @@
 #include "base/status.h"
 #include "base/stop.h"
 #include "server/encode.h"
+#include "server/scratch.h"
 
 namespace gobo {
 inline namespace server {
@@ -90,7 +91,6 @@ class FileStore : public std::enable_shared_from_this<FileStore> {
  public:
   /// Errors: FailedPrecondition when the folder is not this user's own (base/own_folder.h) or another daemon has it; what making it says.
   static Result<std::shared_ptr<FileStore>> open(const FileStoreOptions& options);
-  ~FileStore();
 
   /// Bytes that are there of the owner's file of so many bytes: all of them, or where a put may go on. A file of another size is none.
   uint64_t received(const std::string& owner, const std::string& sha256, uint64_t bytes);
@@ -143,6 +143,7 @@ class FileStore : public std::enable_shared_from_this<FileStore> {
 
   FileStoreOptions options_;
   bool private_ = false;
+  std::unique_ptr<ScratchFolder> scratch_;  // the folder of a private one
   gobo::Descriptor lock_;
   mutable std::mutex mutex_;
   std::map<Key, Entry> entries_;

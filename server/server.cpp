@@ -287,6 +287,9 @@ Result<std::vector<std::string>> Server::reload(const ServerConfig& next) {
   if (tls_) {
     auto files = readTls(config.tls);
     if (!files.ok()) return failed(files.status());
+    if (door_)
+      if (Status renewed = door_->setCertificate(files->cert, files->key); !renewed.ok())
+        return failed(Status(renewed.code(), "web.listen: " + renewed.message()));
     tls_->set(std::move(*files));
   }
   core_->engine.setRoots(config.roots);

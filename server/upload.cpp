@@ -17,12 +17,9 @@ namespace gobo {
 inline namespace server {
 
 namespace fs = std::filesystem;
-static constexpr const char* kPrefix = "gobo-upload-";
 
 UploadFile::~UploadFile() {
   if (fd_ >= 0) ::close(fd_);
-  std::error_code ignored;
-  if (!folder_.empty()) fs::remove_all(folder_, ignored);
 }
 
 Status UploadFile::begin(const std::string& tmpFolder, const v1::UploadSceneRequest& first, uint64_t maxBytes, const char* limitKey) {
@@ -40,10 +37,10 @@ Status UploadFile::begin(const std::string& tmpFolder, const v1::UploadSceneRequ
   if (!expected_.empty() && (expected_.size() != 64 || expected_.find_first_not_of("0123456789abcdef") != std::string::npos))
     return invalidArgument("sha256 = \"" + escaped(first.sha256().substr(0, 80)) + "\": must be 64 hex digits", "upload.sha256");
   total_ = first.total_bytes();
-  std::string pattern = tmpFolder + "/" + kPrefix + std::to_string(::getpid()) + "-XXXXXX";
-  if (!::mkdtemp(pattern.data())) return internalError("cannot make a folder in \"" + tmpFolder + "\": " + std::strerror(errno));
-  folder_ = pattern;
-  path_ = folder_ + "/scene" + extension;
+  auto made = ScratchFolder::make(tmpFolder, kUploadFolder);
+  if (!made.ok()) return internalError(made.status().message());
+  folder_ = std::move(*made);
+  path_ = folder_->path() + "/scene" + extension;
   fd_ = ::open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0600);
   if (fd_ < 0) return internalError("cannot write \"" + path_ + "\": " + std::strerror(errno));
   return {};
@@ -72,19 +69,27 @@ Status UploadFile::finish() {
   return {};
 }
 
+/// One of an earlier version, which had its process's number for a name and no lock.
+static Result<bool> removeOfProcess(const std::string& folder, long pid) {
+  if (::kill(pid_t(pid), 0) == 0 || errno != ESRCH) return false;
+  std::error_code error;
+  fs::remove_all(folder, error);
+  if (error) return internalError("cannot remove \"" + folder + "\": " + error.message());
+  return true;
+}
+
 void removeStaleUploads(const std::string& tmpFolder) {
   std::error_code error;
   for (fs::directory_iterator it(tmpFolder, error), end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename().string();
-    const char* const prefix = name.rfind(kPrefix, 0) == 0 ? kPrefix : kWorkerFolder;
+    const char* const prefix = name.rfind(kUploadFolder, 0) == 0 ? kUploadFolder : kWorkerFolder;
     if (name.rfind(prefix, 0) != 0) continue;
-    const long pid = std::atol(name.c_str() + std::strlen(prefix));
     struct stat info {};
-    if (pid <= 0 || ::lstat(it->path().c_str(), &info) != 0 || !S_ISDIR(info.st_mode) || info.st_uid != ::getuid()) continue;
-    if (::kill(pid_t(pid), 0) == 0 || errno != ESRCH) continue;
-    std::error_code ignored;
-    fs::remove_all(it->path(), ignored);
-    logInfo("removed stale folder %s", it->path().c_str());
+    if (::lstat(it->path().c_str(), &info) != 0 || !S_ISDIR(info.st_mode) || info.st_uid != ::getuid()) continue;
+    const long pid = std::atol(name.c_str() + std::strlen(prefix));
+    const Result<bool> removed = pid > 0 ? removeOfProcess(it->path().string(), pid) : removeIfAbandoned(it->path().string(), prefix);
+    if (!removed.ok()) logWarn("stale folders: %s", removed.status().toString().c_str());
+    else if (*removed) logInfo("removed stale folder %s", it->path().c_str());
   }
 }
 

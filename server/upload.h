@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// UploadFile: a scene that arrives in pieces, kept in a fresh folder of mode 0700 under the tmp folder; the folder goes away
-// with the object, whatever happened. The name is made here, never by the client. One thread.
+// UploadFile: a scene that arrives in pieces, kept in a fresh folder of mode 0700 under the tmp folder (server/scratch.h); the folder goes
+// away with the object, whatever happened. The name is made here, never by the client. One thread.
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 
 #include "base/status.h"
 #include "gobo/v1/service.pb.h"
 #include "server/encode.h"
+#include "server/scratch.h"
 
 namespace gobo {
 inline namespace server {
@@ -31,15 +33,19 @@ class UploadFile {
   const std::string& digest() const { return digest_; }
 
  private:
-  std::string folder_, path_, expected_, digest_;
+  std::unique_ptr<ScratchFolder> folder_;
+  std::string path_, expected_, digest_;
   uint64_t total_ = 0, received_ = 0;
   int fd_ = -1;
   Sha256 sha_;
 };
 
-inline constexpr char kWorkerFolder[] = "gobo-worker-";  ///< + PID-XXXXXX: of a worker (server/farm/farm_worker.h)
+// What names of ScratchFolders begin with.
+inline constexpr char kUploadFolder[] = "gobo-upload-";  ///< uploads, and files that were put where there is no folder for them (server/file_store.h)
+inline constexpr char kWorkerFolder[] = "gobo-worker-";  ///< of a worker (server/farm/farm_worker.h)
 
-/// Removes what a killed daemon of the same user left under the tmp folder (folders gobo-upload-PID-*, gobo-worker-PID-* whose process is gone).
+/// Removes what killed daemons of the same user left under the tmp folder: such folders whose maker is gone, and those of earlier versions (gobo-upload-PID-*,
+/// gobo-worker-PID-*) where nobody has that number. Errors are logged.
 void removeStaleUploads(const std::string& tmpFolder);
 
 }  // namespace server

@@ -19,6 +19,7 @@
 #include "frames.h"
 #include "report.h"
 #include "request/request.h"
+#include "server/door/upstream.h"
 #include "server/encode.h"
 #include "server/jobs/out_pattern.h"
 #include "words.h"
@@ -29,9 +30,30 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr int kReconnects = 20;
+/// A job's stream that is opened again when the daemon goes away while the job goes on.
+class Reopening {
+ public:
+  /// Something arrived: the tries count anew.
+  void arrived() { broken_ = 0; }
+  /// After a pause whether to try again; what to answer otherwise is in `status`. `hintMs`: what the server said of when to come again.
+  bool again(Status& status, long hintMs) {
+    // A daemon that closes answers calls with CANCELLED; ^C here reads the same.
+    const bool passing = status.code() == Code::Unavailable || (status.code() == Code::Cancelled && !interrupted());
+    if (!passing || broken_ >= kMost) return false;
+    const long ms = std::max<long>(std::min(3000, 100 << std::min(broken_, 5)), std::min(hintMs, kLongestHintMs));
+    ++broken_;
+    const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(ms);
+    while (!interrupted() && std::chrono::steady_clock::now() < end) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    if (!interrupted()) return true;
+    status = Status(Code::Cancelled, "interrupted");
+    return false;
+  }
 
-void pauseBeforeRetry(int broken) { std::this_thread::sleep_for(std::chrono::milliseconds(std::min(3000, 100 << std::min(broken, 5)))); }
+ private:
+  static constexpr int kMost = 20;
+  static constexpr long kLongestHintMs = 3600000;  // of the servers
+  int broken_ = 0;
+};
 
 std::string stateOf(const v1::Job& job) { return lower(v1::Job::State_Name(job.state())); }
 bool ended(const v1::Job& job) { return job.state() == v1::Job::DONE || job.state() == v1::Job::FAILED || job.state() == v1::Job::CANCELLED; }
@@ -131,12 +153,12 @@ Result<v1::Job> watch(Session& session, const std::string& id, bool json) {
                 f.has_error() && f.state() == v1::Frame::FAILED ? (": " + escaped(f.error().message())).c_str() : strf(" in %.1f s", f.seconds()).c_str());
     std::fflush(stdout);
   };
-  for (int broken = 0;; ++broken) {
+  for (Reopening stream;;) {
     Session::Call call(session);
     auto reader = session.jobs().Watch(&call.context, request);
     v1::JobEvent event;
     while (reader->Read(&event)) {
-      broken = 0;
+      stream.arrived();
       last = event.job();
       if (json) std::printf("%s\n", messageToJson(event, false).c_str());
       for (const v1::Frame& f : last.frames()) frame(f);
@@ -144,10 +166,9 @@ Result<v1::Job> watch(Session& session, const std::string& id, bool json) {
       bar.show(last.progress(), strf("%s  %llu of %llu frames%s", stateOf(last).c_str(), static_cast<unsigned long long>(last.frames_done()),
                                      static_cast<unsigned long long>(last.frames_total()), restText(rate.restMs(last)).c_str()));
     }
-    const Status status = session.statusOf(reader->Finish());
+    Status status = session.statusOf(reader->Finish());
     if (status.ok()) break;
-    if (status.code() != Code::Unavailable || last.id().empty() || broken >= kReconnects) return status;
-    pauseBeforeRetry(broken);
+    if (last.id().empty() || !stream.again(status, retryMsOf(call.context))) return status;
   }
   bar.clear();
   if (!ended(last)) { GOBO_ASSIGN(last, getJob(session, id)); }
@@ -240,8 +261,14 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
   std::vector<int64_t> named;
   if (!c.frames.empty()) { GOBO_ASSIGN(named, parseFrames(c.frames, "--frames")); }
   const std::set<int64_t> selection(named.begin(), named.end());
-  for (int broken = 0;; ++broken) {
-    GOBO_ASSIGN(const v1::Job job, getJob(session, c.id));
+  Reopening stream;
+  for (bool opened = false;; opened = true) {
+    const auto got = getJob(session, c.id);
+    if (Status status = got.status(); !status.ok()) {
+      if (opened && stream.again(status, 0)) continue;  // the daemon is not back yet
+      return status;
+    }
+    const v1::Job& job = *got;
     const std::vector<std::string> has = outputsInFiles(job.spec());
     for (const std::string& output : wanted.outputs())
       if (std::find(has.begin(), has.end(), output) == has.end())
@@ -269,7 +296,7 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
     v1::FetchReply reply;
     Status fault;
     while (fault.ok() && reader->Read(&reply)) {
-      broken = 0;
+      stream.arrived();
       if (reply.has_file()) fault = file.begin(folder, reply.file());
       else if (reply.has_chunk()) fault = file.add(reply.chunk());
     }
@@ -278,13 +305,12 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
       (void)reader->Finish();
       return fault;
     }
-    const Status status = session.statusOf(reader->Finish());
+    Status status = session.statusOf(reader->Finish());
     if (status.ok()) {
       GOBO_TRY(file.finish());
       return kOk;
     }
-    if (status.code() != Code::Unavailable || broken >= kReconnects) return status;
-    pauseBeforeRetry(broken);
+    if (!stream.again(status, retryMsOf(call.context))) return status;
   }
 }
 

@@ -17,7 +17,7 @@ const body = document.body, vector = (v) => [v?.x ?? 0, v?.y ?? 0, v?.z ?? 0];
 const kRoots = ['lights', 'object', 'panel'].map($);
 // Outputs that are light: they come linear and are exposed here.
 const kRadiance = /^(beauty|emission|(in)?direct(_\w+)?|diffuse|specular|(group|unoccluded):.*)$/;
-let schema, scene, panel, edits = {}, orbit = null, lens = null, cameraTurn = 0, pickTurn = 0, retry = 0, cleaning = null, loaded = new Set();
+let schema, scene, panel, edits = {}, orbit = null, lens = null, cameraTurn = 0, steps = 0, pickTurn = 0, retry = 0, stopped = false, cleaning = null, loaded = new Set();
 
 const view = new View($('picture'), () => [edits.curves, edits.expressions].some((of) => of && Object.keys(of).some((p) => p.startsWith('tone_map'))) ? lastReply?.resolved.tone_map ?? {} : edits.tone_map ?? {});
 let lastReply = null;
@@ -59,12 +59,22 @@ function show(picture, reply, final) {
   showReply(reply, final);
 }
 
-// At rest a picture of light loses its noise, unless the request has a filter of its own. An edit ends it, and what has come stays if it fails.
-async function clean() {
+function cleanNoMore() {
   cleaning?.abort();
-  const own = cleaning = new AbortController();
+  cleaning = null;
+  if (body.dataset.clean === 'asked') body.dataset.clean = 'no';
+}
+
+// Stop is there for as long as something runs that it ends: the picture, or the one without noise.
+const showStop = () => { $('stop').disabled = !live.running && !cleaning; };
+
+// At rest a picture of light loses its noise, unless the request has a filter of its own. An edit or Stop ends it, and what has come stays if it fails.
+async function clean() {
+  cleanNoMore();
   body.dataset.clean = 'no';
-  if (!$('clean').checked || !lastReply || edits.denoise || !kRadiance.test(edits.outputs?.[0] ?? 'beauty')) return;
+  // Whoever stopped a picture does not want another one.
+  if (stopped || !$('clean').checked || !lastReply || edits.denoise || !kRadiance.test(edits.outputs?.[0] ?? 'beauty')) return;
+  const own = cleaning = new AbortController();
   body.dataset.clean = 'asked';
   try {
     const { reply, bytes } = await withoutNoise(requestNow(), lastReply, own.signal);
@@ -75,13 +85,17 @@ async function clean() {
   } catch (error) {
     if (!own.signal.aborted) body.dataset.clean = 'no';
   }
+  if (cleaning !== own) return;
+  cleaning = null;
+  showStop();
 }
 
 const live = new Live({
   start() {
     body.dataset.state = 'rendering';
-    cleaning?.abort();
-    $('stop').disabled = false;
+    stopped = false;
+    cleanNoMore();
+    showStop();
     $('progress').value = 0;
   },
   async picture(reply, bytes, final) {
@@ -92,7 +106,7 @@ const live = new Live({
     show(picture, reply, final);
     body.dataset.frames = Number(body.dataset.frames) + 1;
     body.dataset.format = reply.images[0].format;
-    if (final && picture.data && (reply.warnings ?? []).some((w) => w.includes('clamped to 65504')) && live.frames === 'auto') {
+    if (final && !stopped && picture.data && (reply.warnings ?? []).some((w) => w.includes('clamped to 65504')) && live.frames === 'auto') {
       live.slowUntil = Infinity;  // brighter than halves can hold: the server exposes this scene
       ask();
     }
@@ -103,17 +117,19 @@ const live = new Live({
   },
   idle() {
     body.dataset.state = 'done';
-    $('stop').disabled = true;
     $('progress').value = 0;
     clean();
+    showStop();
   },
   error: fail,
 });
 
+const isAway = (error) => error.code === 'OFFLINE' || error.status === 503;
+
 function fail(error) {
-  const offline = error.code === 'OFFLINE' || error.status === 503;
+  const offline = isAway(error);
   body.dataset.state = offline ? 'offline' : 'error';
-  $('stop').disabled = true;
+  showStop();
   $('error').textContent = offline ? `${error.message}; trying again` : error.message;
   if (!offline) panel?.fault(error.message, kRoots);
   $('token').hidden = error.status !== 401;
@@ -129,6 +145,7 @@ async function returned() {
       await postJson('/v1/scenes', { source: scene.source || scene.id, name: scene.id });
       grip.hold();  // as in its file again
     }
+    await findCamera();  // it may be what nobody answered: without it nothing can be steered
     ask();
   } catch (error) { fail(error); }
 }
@@ -137,14 +154,15 @@ const ask = () => live.ask(requestNow(), kRadiance.test(edits.outputs?.[0] ?? 'b
 
 // What the lights' handles are drawn by, and where the orbit begins: of the request's camera, asked for before the picture, behind which they would come late.
 async function findCamera() {
-  const own = scene, turn = ++cameraTurn;
+  const own = scene, turn = ++cameraTurn, from = steps;
   body.dataset.camera = 'asked';
-  const found = await cameraMatrices(moment(requestNow())).catch((error) => { if (error.code === 'OFFLINE') throw error; return null; });
+  const found = await cameraMatrices(moment(requestNow())).catch((error) => { if (isAway(error)) throw error; return null; });
   if (turn !== cameraTurn) return;  // a later question has been asked
   lens = found;
   body.dataset.camera = 'known';
-  orbit = new Orbit(lens?.worldToCamera, { min: vector(own.bounds_min), max: vector(own.bounds_max) });
-  showHandles(edits.camera?.panorama || !lens?.worldToNDC ? null : lens);
+  const steered = from !== steps;  // meanwhile: the answer is of where the camera stood, and of the lens that it still has
+  if (!steered) orbit = new Orbit(lens?.worldToCamera, { min: vector(own.bounds_min), max: vector(own.bounds_max) });
+  showHandles(edits.camera?.panorama || !lens?.worldToNDC ? null : steered ? moved(lens, orbit.matrix()) : lens);
 }
 
 // `matrices` null: nobody knows where anything is in the picture.
@@ -170,6 +188,7 @@ async function changed(path) {
 }
 
 function orbited() {
+  ++steps;
   for (const [name, value] of Object.entries(orbit.settings())) panel.put(['camera', name], value);
   if (lens?.worldToNDC && !edits.camera?.panorama) showHandles(moved(lens, orbit.matrix()));
   $('certified').textContent = '';
@@ -220,7 +239,7 @@ async function choose(id, first = {}) {
     scene = found;
     for (const key of Object.keys(edits)) delete edits[key];
     Object.assign(edits, first);
-    cleaning?.abort();
+    cleanNoMore();
     [orbit, lens, view.kept, view.present] = [null, null, null, null];
     live.slowUntil = 0;
     grip.hold();
@@ -348,8 +367,14 @@ toggled($('certify'), async (signal) => {
   }
 });
 
-$('stop').addEventListener('click', () => live.stop());
-addEventListener('keydown', (e) => { if (e.key === 'Escape') live.stop(); });
+function stop() {
+  stopped = true;
+  live.stop();
+  cleanNoMore();
+  showStop();
+}
+$('stop').addEventListener('click', stop);
+addEventListener('keydown', (e) => { if (e.key === 'Escape') stop(); });
 $('reset').addEventListener('click', () => {
   for (const key of Object.keys(edits)) delete edits[key];
   build();

@@ -128,6 +128,7 @@ struct Engine::Impl {
         arena(o.threads, TaskArena::Threads::Shared, &way),
         besideArena(o.threads, TaskArena::Threads::Own, &way),
         scenes(o.roots, o.anyPath, o.loader, {o.sceneBytes, o.environmentBytes}),
+        extensions(o.storeBytes / 2),
         accels(o.accelBytes),
         memory(o.memoryBytes) {
     if (!options.displays) options.displays = std::make_shared<DisplayTransforms>(DisplayTransforms::Options{});  // refuses what asks for one
@@ -198,6 +199,8 @@ struct Engine::Impl {
         memory.add({"terms", [this] { return store->maxBytes(); }, [this] { return store->bytes(); }, [this](uint64_t most) { store->shrink(most); }}));
     accounts.push_back(memory.add({"ray tracing", [this] { return options.accelBytes; }, [this] { return uint64_t(accels.bytes()); },
                                    [this](uint64_t most) { accels.shrink(size_t(most)); }}));
+    accounts.push_back(memory.add({"stopped renders", [this] { return extensions.parkedLimit(); }, [this] { return extensions.parkedBytes(); },
+                                   [this](uint64_t most) { extensions.shrinkParked(most); }}));
     accounts.push_back(
         memory.add({"environments", [this] { return scenes.limits().environmentBytes; }, [this] { return scenes.environmentBytes() + lastSky.bytes(); },
                     [this](uint64_t most) {

@@ -18,48 +18,6 @@ namespace {
 constexpr double kWorthPersisting = 4.0 / 1e5;
 }  // namespace
 
-void ExtensionIndex::add(const Hash128& recipe, uint32_t blocks) {
-  std::lock_guard lock(mutex_);
-  std::set<uint32_t>& counts = counts_.touch(recipe);
-  counts.insert(blocks);
-  if (counts.size() > kCounts) counts.erase(counts.begin());
-}
-
-std::vector<uint32_t> ExtensionIndex::below(const Hash128& recipe, uint32_t blocks) const {
-  std::lock_guard lock(mutex_);
-  std::vector<uint32_t> out;
-  const std::set<uint32_t>* counts = counts_.find(recipe);
-  if (!counts) return out;
-  for (auto c = counts->rbegin(); c != counts->rend(); ++c)
-    if (*c < blocks) out.push_back(*c);
-  return out;
-}
-
-void ExtensionIndex::park(const Hash128& recipe, uint32_t blocks, TermPtr state) {
-  std::lock_guard lock(mutex_);
-  std::map<uint32_t, TermPtr>& states = parked_.touch(recipe);
-  states[blocks] = std::move(state);
-  if (states.size() > kParkedOfRecipe) states.erase(states.begin());
-}
-
-TermPtr ExtensionIndex::takeParked(const Hash128& recipe, uint32_t blocks) {
-  std::lock_guard lock(mutex_);
-  std::map<uint32_t, TermPtr> states = parked_.take(recipe);
-  TermPtr state;
-  if (const auto beyond = states.upper_bound(blocks); beyond != states.begin()) {
-    state = std::move(std::prev(beyond)->second);
-    states.erase(std::prev(beyond));
-  }
-  if (!states.empty()) parked_.touch(recipe) = std::move(states);
-  return state;
-}
-
-void ExtensionIndex::clear() {
-  std::lock_guard lock(mutex_);
-  counts_.clear();
-  parked_.clear();
-}
-
 Executor::Executor(const Graph& graph, const ExecutorServices& services, StopToken stop, std::function<void(const std::string&, double)> progress)
     : graph_(graph), services_(services), stop_(stop), progress_(std::move(progress)) {}
 

@@ -17,6 +17,7 @@
 #include "base/status.h"
 #include "base/stop.h"
 #include "plan/checkpoints.h"
+#include "plan/extension_index.h"
 #include "plan/known_times.h"
 #include "plan/lifetimes.h"
 #include "plan/source_digest.h"
@@ -28,26 +29,6 @@ namespace gobo {
 inline namespace plan {
 
 class MappedGuard;  // plan/mapped_guard.h
-
-/// Which block counts of an extendable recipe were made, and partial states of stopped ones. Shared by the executors of an
-/// engine; hints only: losing it costs time, never correctness. Bounded: the latest stay. Thread-safe.
-class ExtensionIndex {
- public:
-  void add(const Hash128& recipe, uint32_t blocks);
-  /// Known counts below `blocks`, largest first.
-  std::vector<uint32_t> below(const Hash128& recipe, uint32_t blocks) const;
-  /// Of a run towards `blocks` that was stopped.
-  void park(const Hash128& recipe, uint32_t blocks, TermPtr state);
-  /// The one that was to get furthest of those towards at most `blocks`; one towards more stays for whoever asked for it. Null: there is none.
-  TermPtr takeParked(const Hash128& recipe, uint32_t blocks);
-  void clear();
-
- private:
-  static constexpr size_t kRecipes = 4096, kCounts = 256, kParked = 16, kParkedOfRecipe = 2;  // kCounts: of a recipe
-  mutable std::mutex mutex_;
-  LatestMap<Hash128, std::set<uint32_t>> counts_{kRecipes};
-  LatestMap<Hash128, std::map<uint32_t, TermPtr>> parked_{kParked};
-};
 
 struct ExecutedNode {
   enum class State { NotNeeded, Run, Reused } state = State::NotNeeded;

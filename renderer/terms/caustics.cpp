@@ -20,8 +20,9 @@ class CausticsNode final : public Node {
         width_(view.width ? view.width : settings.path.width),
         height_(view.width ? view.height : settings.path.height) {}
   std::string type() const override { return "caustics"; }
-  // 2: without light that goes straight on; 3: tilted normals lose no specular light; 4: counted in passes; 5: tangents in the texture's own turn
-  int version() const override { return 5; }
+  // 2: without light that goes straight on; 3: tilted normals lose no specular light; 4: counted in passes; 5: tangents in the texture's own turn;
+  // 6: cameras in volumes
+  int version() const override { return 6; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;

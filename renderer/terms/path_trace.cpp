@@ -29,8 +29,8 @@ class PathTraceNode final : public Node {
   // 7: every light in volumes, gentler roulette; 8: large finite values count; 9: hidden lights shine through delta events;
   // 10: of a lamp of few triangles those that face the receiver; 11: the first block is summed by passes;
   // 12: directions from maps without the C library's sines (last bits of a few); 13: near triangles' solid angles by one arc tangent (as 12);
-  // 14: lamps with triangles of no area, tangents in the texture's own turn
-  int version() const override { return 14; }
+  // 14: lamps with triangles of no area, tangents in the texture's own turn; 15: light at surfaces that let some of it straight on, around cameras in volumes
+  int version() const override { return 15; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;

@@ -48,7 +48,7 @@ inline float dispersedIor(float ior, float dispersion, int channel) { return ior
 struct MediumStack {
   static constexpr int kMost = 4;
   int depth;
-  int16_t id[kMost];
+  int32_t id[kMost];  // by material: there may be more than 32767
 
   void clear() { depth = 0; }
   int top() const { return depth > 0 ? id[depth - 1] : -1; }
@@ -73,7 +73,7 @@ struct MediumStack {
     return outside.top() < 0 ? ior : ior / interiors[size_t(outside.top())].ior;
   }
   void enter(int volume) {
-    if (depth < kMost) id[depth++] = int16_t(volume);
+    if (depth < kMost) id[depth++] = int32_t(volume);
   }
   /// Takes away the latest entry of `volume`, if any.
   void leave(int volume) {

@@ -63,6 +63,7 @@ struct PathChunk {
   lanes::LightLanes lamp;
   Lane3 lit, litSpecular;  // what a free shadow ray adds
   int litSlot[kLanes];
+  int litEvent[kLanes];  // the scattering event that it is light of: the path's own ray may pass on meanwhile, which is none
   Lane3 litPlain;
   alignas(64) float shadowX[kLanes], shadowY[kLanes], shadowZ[kLanes], shadowReach[kLanes];
   alignas(64) int valid[kLanes];

@@ -85,7 +85,8 @@ inline void PathChunk<Sink>::intersect() {
 /// of a small thing before a sky most packets are like that.
 template <PathSink Sink>
 inline void PathChunk<Sink>::drawNumbers() {
-  nee = (events == 0 ? m.wantDirect : m.wantIndirect || (freePasses && m.wantDirect)) && m.selector.count() > 0;
+  // Where the camera is in a volume, paths may have scattered before their first surface.
+  nee = (events == 0 ? m.wantDirect || (hasMedia && m.wantIndirect) : m.wantIndirect || (freePasses && m.wantDirect)) && m.selector.count() > 0;
   rouletteOn = events + 1 >= m.settings.rouletteStart;
   goesOn = events + 1 < m.maxEvents || m.hittable || freePasses;
   uint32_t missed = ~0u;

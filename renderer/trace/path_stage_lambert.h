@@ -7,7 +7,7 @@
 namespace gobo {
 inline namespace trace {
 
-/// Next-event estimation of the lanes in `asking`. Writes shadowed with sr, lit, litSpecular, litSlot.
+/// Next-event estimation of the lanes in `asking`. Writes shadowed with sr, lit, litSpecular, litSlot, litEvent.
 template <PathSink Sink>
 inline void PathChunk<Sink>::askAtLambert(uint32_t asking) {
   // Lane i asks for light k by the sample that it drew, which was chosen with probability `select`.
@@ -23,6 +23,7 @@ inline void PathChunk<Sink>::askAtLambert(uint32_t asking) {
     lit.set(i, value);
     if (lobes) litSpecular.set(i, done(i) == 0 ? Vec3(0.0f) : value * paths.specularPart.get(i));
     litSlot[i] = m.lights[k].slot;
+    litEvent[i] = done(i) + 1;
     if (hasMedia) media.startShadow(i);
     shadowed |= 1u << i;
   };
@@ -57,6 +58,7 @@ inline void PathChunk<Sink>::askAtLambert(uint32_t asking) {
       lit.set(i, litPlain.get(i));
       if (lobes) litSpecular.set(i, done(i) == 0 ? Vec3(0.0f) : lit.get(i) * paths.specularPart.get(i));
       litSlot[i] = l.slot;
+      litEvent[i] = done(i) + 1;
       if (hasMedia) media.startShadow(i);
     }
     shadowed |= free;

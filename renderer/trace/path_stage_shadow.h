@@ -7,7 +7,7 @@
 namespace gobo {
 inline namespace trace {
 
-/// Reads shadowed, sr, lit, litSpecular, litSlot; light that nothing hides is contributed.
+/// Reads shadowed, sr, lit, litSpecular, litSlot, litEvent; light that nothing hides is contributed.
 template <PathSink Sink>
 inline void PathChunk<Sink>::traceShadowRays() {
   for (int i = 0; i < kLanes; ++i) valid[i] = shadowed >> i & 1u ? -1 : 0;
@@ -28,7 +28,7 @@ inline void PathChunk<Sink>::traceShadowRays() {
       value *= left;
       gloss *= left;
     }
-    contribute(i, litSlot[i], done(i) + 1, done(i) == 0 ? PathClass::Direct : PathClass::Indirect, value, gloss);
+    contribute(i, litSlot[i], litEvent[i], litEvent[i] == 1 ? PathClass::Direct : PathClass::Indirect, value, gloss);
   }
 }
 

@@ -7,7 +7,7 @@
 namespace gobo {
 inline namespace trace {
 
-/// Reads general, rh, the event's numbers; writes next, shadowed with sr, lit, litSpecular, litSlot, and the state of lanes that go on.
+/// Reads general, rh, the event's numbers; writes next, shadowed with sr, lit, litSpecular, litSlot, litEvent, and the state of lanes that go on.
 /// Smooth or textured Lambert joins the vector code by `lambert` and ls, other materials are finished here.
 template <PathSink Sink>
 inline void PathChunk<Sink>::scatterAtSurfaces() {
@@ -107,6 +107,7 @@ inline void PathChunk<Sink>::scatterAtSurfaces() {
             lit.set(i, value);
             if (lobes) litSpecular.set(i, event == 1 ? arriving * f.specular : value * paths.specularPart.get(i));
             litSlot[i] = m.lights[k].slot;
+            litEvent[i] = event;
             if (hasMedia) {
               if (side > 0.0f || volume < 0) media.startShadow(i);
               else media.startShadowBehind(i, volume, s.front);
@@ -159,7 +160,8 @@ inline void PathChunk<Sink>::scatterAtSurfaces() {
     if (volume >= 0) {
       const Interior* inside = media.around(i);
       if (bs.transmitted) media.cross(i, volume, s.front);
-      else if (!s.front && inside && inside->scatters && media.stack[i].top() == volume && paths.free[i] < kMostFree) ++paths.free[i];  // still the same walk
+      // Still the same walk, if an event began it: with the camera in the volume its boundary is the first.
+      else if (event > 1 && !s.front && inside && inside->scatters && media.stack[i].top() == volume && paths.free[i] < kMostFree) ++paths.free[i];
     }
     if (!bs.delta) paths.specularOnly &= ~bit;
     if (!bs.straight) paths.fromCamera &= ~bit;

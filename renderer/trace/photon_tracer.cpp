@@ -350,7 +350,7 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
     const int volume = s.material->interior;
     bool uncounted = w.events > 0 && bs.straight && m.surfaces.anyStraight() && bendsAlike(*s.material);  // as the path tracer: no event
     if (volume >= 0) {
-      uncounted = uncounted || (!bs.transmitted && !s.front && inside && inside->scatters && w.media.stack[0].top() == volume);
+      uncounted = uncounted || (w.events > 0 && !bs.transmitted && !s.front && inside && inside->scatters && w.media.stack[0].top() == volume);
       if (bs.transmitted) w.media.cross(0, volume, s.front);
     }
     if (!bs.straight) w.fromCamera = false;

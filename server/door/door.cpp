@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/door/door.h"
 
+#include <fcntl.h>
 #include <microhttpd.h>
 #include <openssl/crypto.h>
 #include <poll.h>
@@ -8,12 +9,15 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <list>
 #include <optional>
 #include <string_view>
 #include <thread>
 
+#include "base/descriptor.h"
 #include "gobo/v1/farm.grpc.pb.h"
 #include "gobo/v1/jobs.grpc.pb.h"
 #include "request/request.h"
@@ -23,6 +27,7 @@
 #include "server/door/upstream.h"
 #include "server/door/viewer_files.h"
 #include "server/rpc.h"
+#include "server/shared_limit.h"
 
 namespace gobo {
 inline namespace door {
@@ -31,7 +36,9 @@ namespace {
 
 constexpr unsigned kSilentSeconds = 30;  // of a client that neither sends nor takes
 constexpr size_t kConnectionMemory = 32768;
-constexpr size_t kBlock = 256 << 10;  // of a stream, at once
+constexpr size_t kBlock = 256 << 10;          // of a stream, at once
+constexpr uint64_t kBodies = 128ull << 20;    // of messages that arrive or are being read, of which one caller has half
+constexpr uint64_t kSmallBody = 64ull << 10;  // never waits for others: kConnections of them are nothing
 
 // What browsers are told of every answer: nothing but this door's own files may be loaded, and nobody may frame the page.
 constexpr const char* kHeaders[][2] = {
@@ -66,10 +73,20 @@ const char* headerOf(MHD_Connection* connection, const char* name) { return MHD_
 // One request of a connection, from its first line until it has been answered.
 struct Exchange {
   std::string body;
+  uint64_t room = 0;                         // for the body; what comes without any is read and dropped
+  std::unique_ptr<SharedLimit::Hold> place;  // of a body that is not small
+  bool grows = false;                        // its length is not known: `room` is for a small one
   bool tooLarge = false;
+  grpc::Status refused;                   // why the body has no room
+  long retryMs = 0;                       // of that
   std::unique_ptr<PutStream> put;         // of a body that is no message: it goes on as it comes
   std::unique_ptr<GltfForm> form;         // of a body that is a form
   std::atomic<int>* answering = nullptr;  // counts it from when the whole of it is here until its answer has gone
+  void dropBody() {
+    room = 0;
+    body = std::string();
+    place.reset();
+  }
   ~Exchange() {
     if (answering) --*answering;
   }
@@ -86,6 +103,17 @@ const std::string kBlobsPath = "/v1/blobs/";
 constexpr const char* kGltfPath = "/render";
 constexpr std::chrono::milliseconds kLastAnswers{1000};  // less than main.cpp's grace
 
+// A listener of the library, which knows one certificate all its life.
+struct Serving {
+  std::string cert, key;
+  MHD_Daemon* daemon = nullptr;
+  Descriptor retired;  // the socket that it listened on until another took over; its threads may look at it until they have ended
+  ~Serving() {
+    if (daemon) MHD_stop_daemon(daemon);
+  }
+  bool idle() const { return MHD_get_daemon_info(daemon, MHD_DAEMON_INFO_CURRENT_CONNECTIONS)->num_connections == 0; }
+};
+
 }  // namespace
 
 struct Door::Impl {
@@ -98,37 +126,68 @@ struct Door::Impl {
   std::unique_ptr<v1::Jobs::Stub> jobs;
   std::unique_ptr<v1::Farm::Stub> farm;
   std::unique_ptr<GltfRenderer> gltf;
+  std::unique_ptr<SharedLimit> bodies;
   std::string schema;
   std::atomic<bool> stopping{false};
   std::atomic<int> answering{0};
-  MHD_Daemon* daemon = nullptr;
+  bool tls = false;
+  Descriptor listening;         // each listener has a descriptor of its own of it
+  std::list<Serving> servings;  // the last one takes connections, those before it finish what they have
+  std::atomic<MHD_Daemon*> current{nullptr};
+
+  /// Another listener takes what connects from now on.
+  Status serve(const std::string& cert, const std::string& key) {
+    Descriptor socket(::fcntl(listening.get(), F_DUPFD_CLOEXEC, 0));
+    if (!socket) return Status(Code::Unavailable, "cannot start the HTTP listener on " + options.listen + ": " + std::strerror(errno));
+    std::list<Serving> fresh(1);
+    Serving& next = fresh.front();
+    next.cert = cert;
+    next.key = key;
+    const MHD_OptionItem security[] = {{MHD_OPTION_HTTPS_MEM_CERT, 0, const_cast<char*>(next.cert.c_str())},
+                                       {MHD_OPTION_HTTPS_MEM_KEY, 0, const_cast<char*>(next.key.c_str())},
+                                       {MHD_OPTION_END, 0, nullptr}};
+    const MHD_OptionItem none[] = {{MHD_OPTION_END, 0, nullptr}};
+    // The socket is the daemon's, also of one that does not start. MHD_USE_ITC: for MHD_quiesce_daemon.
+    next.daemon = MHD_start_daemon(MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL | MHD_USE_ITC | (tls ? MHD_USE_TLS : 0), 0,
+                                   nullptr, nullptr, &Impl::answer, this, MHD_OPTION_LISTEN_SOCKET, socket.release(), MHD_OPTION_CONNECTION_LIMIT, kConnections,
+                                   MHD_OPTION_PER_IP_CONNECTION_LIMIT, kConnections / 2, MHD_OPTION_CONNECTION_TIMEOUT, kSilentSeconds,
+                                   MHD_OPTION_CONNECTION_MEMORY_LIMIT, kConnectionMemory, MHD_OPTION_NOTIFY_COMPLETED, &Impl::completed, this, MHD_OPTION_ARRAY,
+                                   tls ? security : none, MHD_OPTION_END);
+    if (!next.daemon) return Status(Code::Unavailable, "cannot start the HTTP listener on " + options.listen + (tls ? " (certificate and key?)" : ""));
+    current = next.daemon;
+    if (!servings.empty()) servings.back().retired = Descriptor(MHD_quiesce_daemon(servings.back().daemon));
+    servings.splice(servings.end(), fresh);
+    return {};
+  }
 
   // Answers.
 
-  static MHD_Result queue(MHD_Connection* connection, int code, MHD_Response* response, const char* type) {
+  MHD_Result queue(MHD_Connection* connection, int code, MHD_Response* response, const char* type) {
     if (!response) return MHD_NO;
     MHD_add_response_header(response, MHD_HTTP_HEADER_CONTENT_TYPE, type);
     for (const auto& [name, value] : kHeaders) MHD_add_response_header(response, name, value);
+    // Of a listener whose certificate is not served any more: its clients shall connect anew.
+    if (MHD_get_connection_info(connection, MHD_CONNECTION_INFO_DAEMON)->daemon != current)
+      MHD_add_response_header(response, MHD_HTTP_HEADER_CONNECTION, "close");
     const MHD_Result result = MHD_queue_response(connection, unsigned(code), response);
     MHD_destroy_response(response);
     return result;
   }
-  static MHD_Result reply(MHD_Connection* connection, int code, const std::string& body, const char* type) {
+  MHD_Result reply(MHD_Connection* connection, int code, const std::string& body, const char* type) {
     MHD_Response* response = MHD_create_response_from_buffer(body.size(), const_cast<char*>(body.data()), MHD_RESPMEM_MUST_COPY);
     if (response && code == MHD_HTTP_UNAUTHORIZED) MHD_add_response_header(response, "WWW-Authenticate", "Bearer");
     if (response && code == MHD_HTTP_METHOD_NOT_ALLOWED) MHD_add_response_header(response, MHD_HTTP_HEADER_ALLOW, "GET, HEAD, POST");
     return queue(connection, code, response, type);
   }
-  static MHD_Result fail(MHD_Connection* connection, const grpc::Status& status, const UpstreamCall* call = nullptr) {
+  MHD_Result fail(MHD_Connection* connection, const grpc::Status& status, long retryMs = 0) {
     const std::string body = "{\"error\":" + errorJson(status) + "}\n";
     MHD_Response* response = MHD_create_response_from_buffer(body.size(), const_cast<char*>(body.data()), MHD_RESPMEM_MUST_COPY);
     if (response && status.error_code() == grpc::StatusCode::UNAUTHENTICATED) MHD_add_response_header(response, "WWW-Authenticate", "Bearer");
-    if (const long ms = response && call ? retryMsOf(call->context) : 0; ms > 0)
-      MHD_add_response_header(response, "Retry-After", std::to_string(wholeSeconds(ms)).c_str());
+    if (response && retryMs > 0) MHD_add_response_header(response, "Retry-After", std::to_string(wholeSeconds(retryMs)).c_str());
     return queue(connection, httpStatusOf(status.error_code()), response, "application/json");
   }
-  static MHD_Result fail(MHD_Connection* connection, grpc::StatusCode code, const std::string& message) { return fail(connection, {code, escaped(message)}); }
-  static MHD_Result json(MHD_Connection* connection, const google::protobuf::Message& message) {
+  MHD_Result fail(MHD_Connection* connection, grpc::StatusCode code, const std::string& message) { return fail(connection, {code, escaped(message)}); }
+  MHD_Result json(MHD_Connection* connection, const google::protobuf::Message& message) {
     return reply(connection, MHD_HTTP_OK, messageToJson(message, false), "application/json");
   }
 
@@ -140,7 +199,7 @@ struct Door::Impl {
     const std::string authority = given ? given : "", name = hostOf(authority);
     // Another name for this address would be a page of somebody else's that had its name point here.
     const bool ours = isLoopback(name) || name == host || std::find(options.hosts.begin(), options.hosts.end(), name) != options.hosts.end();
-    if (!ours && options.secret.empty() && options.cert.empty())
+    if (!ours && options.secret.empty() && !tls)
       return {grpc::StatusCode::PERMISSION_DENIED, "Host: \"" + escaped(name.substr(0, 80)) + "\" is not a name of this address"};
     if (const char* origin = headerOf(connection, MHD_HTTP_HEADER_ORIGIN); origin && origin != "http://" + authority && origin != "https://" + authority)
       return {grpc::StatusCode::PERMISSION_DENIED, "Origin: \"" + escaped(std::string(origin).substr(0, 80)) + "\": pages of other origins get nothing here"};
@@ -188,7 +247,7 @@ struct Door::Impl {
     dress(connection, call.context);
     Reply answer;
     const grpc::Status status = callOnce(call, start, answer);
-    return status.ok() ? json(connection, answer) : fail(connection, status, &call);
+    return status.ok() ? json(connection, answer) : fail(connection, status, retryMsOf(call.context));
   }
 
   static ssize_t readStream(void* stream, uint64_t, char* to, size_t most) {
@@ -262,7 +321,7 @@ struct Door::Impl {
     v1::ListJobsReply list;
     const grpc::Status status = callOnce(
         call, [&](auto* context, auto* queue) { return jobs->AsyncList(context, v1::ListJobsRequest(), queue); }, list);
-    if (!status.ok()) return fail(connection, status, &call);
+    if (!status.ok()) return fail(connection, status, retryMsOf(call.context));
     for (v1::Job& job : *list.mutable_jobs()) job.mutable_spec()->clear_request();
     return json(connection, list);
   }
@@ -277,7 +336,7 @@ struct Door::Impl {
     v1::MissingBlobsReply missing;
     const grpc::Status status = callOnce(
         call, [&](auto* context, auto* queue) { return blobs->AsyncMissing(context, request, queue); }, missing);
-    if (!status.ok()) return fail(connection, status, &call);
+    if (!status.ok()) return fail(connection, status, retryMsOf(call.context));
     v1::PutBlobReply answer;
     answer.set_received(missing.missing_size() ? missing.missing(0).received() : request.blobs(0).bytes());
     return json(connection, answer);
@@ -323,7 +382,7 @@ struct Door::Impl {
   MHD_Result endPut(MHD_Connection* connection, PutStream& put) {
     v1::PutBlobReply answer;
     const grpc::Status status = put.finish(answer);
-    return status.ok() ? json(connection, answer) : fail(connection, status, &put.call());
+    return status.ok() ? json(connection, answer) : fail(connection, status, retryMsOf(put.call().context));
   }
 
   // The render API for glTF, whose errors are plain sentences.
@@ -335,7 +394,7 @@ struct Door::Impl {
   }
   static void dropAnswer(void* answer) { delete static_cast<GltfAnswer*>(answer); }
   /// The body goes to the client as it lies, with what holds its memory.
-  static MHD_Result plain(MHD_Connection* connection, GltfAnswer answer) {
+  MHD_Result plain(MHD_Connection* connection, GltfAnswer answer) {
     auto owned = std::make_unique<GltfAnswer>(std::move(answer));
     std::string& body = owned->body;
     MHD_Response* response = MHD_create_response_from_buffer_with_free_callback_cls(body.size(), body.data(), &Impl::dropAnswer, owned.get());
@@ -345,7 +404,7 @@ struct Door::Impl {
     if (kept.retrySeconds > 0) MHD_add_response_header(response, "Retry-After", std::to_string(kept.retrySeconds).c_str());
     return queue(connection, kept.status, response, kept.type);
   }
-  static MHD_Result plain(MHD_Connection* connection, const grpc::Status& status) {
+  MHD_Result plain(MHD_Connection* connection, const grpc::Status& status) {
     return plain(connection, refused(httpStatusOf(status.error_code()), status.error_message()));
   }
   static GltfAnswer refused(int status, const std::string& message, long retrySeconds = 0) {
@@ -381,12 +440,69 @@ struct Door::Impl {
     return plain(connection, gltf->render(gltfCaller(connection), form, extra ? extra : ""));
   }
 
-  template <typename Request>
-  static grpc::Status parse(const Exchange& exchange, Request& request) {
-    return toGrpc(messageFromJson(exchange.body, request, "the request's body"));
+  // Bodies that are messages.
+
+  /// Whose they are: callers of whom no token is known have one part of the memory together.
+  std::string payer(MHD_Connection* connection) const {
+    if (!options.secret.empty()) return checkSecret(connection).ok() ? "known" : "";
+    const char* sent = headerOf(connection, MHD_HTTP_HEADER_AUTHORIZATION);
+    return sent && options.nameOf ? options.nameOf(sent) : "";
+  }
+  /// Whether this caller may ask at all; asks the service.
+  grpc::Status mayAsk(MHD_Connection* connection, long& retryMs) {
+    if (const grpc::Status known = checkSecret(connection); !known.ok()) return known;
+    UpstreamCall call(goneOf(connection));
+    dress(connection, call.context);
+    v1::ListScenesReply reply;
+    const grpc::Status status = callOnce(
+        call, [&](auto* context, auto* queue) { return scenes->AsyncList(context, v1::ListScenesRequest(), queue); }, reply);
+    retryMs = retryMsOf(call.context);
+    return status;
+  }
+  /// Room for a body that comes. One that gets none is read to its end all the same: a client that still sends would lose the answer.
+  void beginBody(MHD_Connection* connection, Exchange& exchange) {
+    const char* length = headerOf(connection, MHD_HTTP_HEADER_CONTENT_LENGTH);
+    exchange.grows = headerOf(connection, MHD_HTTP_HEADER_TRANSFER_ENCODING) != nullptr;  // chunked: a length does not count
+    const uint64_t bytes = exchange.grows ? std::min(kSmallBody, options.requestBytes) : length ? std::strtoull(length, nullptr, 10) : 0;
+    exchange.tooLarge = bytes > options.requestBytes;
+    if (exchange.tooLarge) return;
+    if (bytes > kSmallBody) giveRoom(connection, exchange, bytes);
+    else exchange.room = bytes;
+    exchange.body.reserve(exchange.room);
+  }
+  void giveRoom(MHD_Connection* connection, Exchange& exchange, uint64_t bytes) {
+    exchange.room = 0;
+    const std::string who = payer(connection);
+    if (who.empty()) exchange.refused = mayAsk(connection, exchange.retryMs);  // a request of the caller's rate: known ones are spared it
+    if (!exchange.refused.ok()) return;
+    exchange.place = bodies->take(who, bytes);
+    if (exchange.place) {
+      exchange.room = bytes;
+      return;
+    }
+    exchange.refused = {grpc::StatusCode::RESOURCE_EXHAUSTED, "bodies are arriving that need the memory; ask again"};
+    exchange.retryMs = 1000;
+  }
+  /// What has come of a body.
+  void addBody(MHD_Connection* connection, Exchange& exchange, const char* data, size_t bytes) {
+    const uint64_t size = exchange.body.size() + bytes;
+    if (exchange.room > 0 && exchange.grows && size > exchange.room) {  // chunked, and not small
+      exchange.grows = false;
+      giveRoom(connection, exchange, options.requestBytes);
+    }
+    exchange.tooLarge = exchange.tooLarge || (exchange.room > 0 && size > exchange.room);
+    if (exchange.tooLarge || exchange.room == 0) exchange.dropBody();
+    else exchange.body.append(data, bytes);
   }
 
-  MHD_Result post(MHD_Connection* connection, const std::string& path, const Exchange& exchange) {
+  template <typename Request>
+  static grpc::Status parse(Exchange& exchange, Request& request) {
+    const grpc::Status status = toGrpc(messageFromJson(exchange.body, request, "the request's body"));
+    exchange.dropBody();  // the answer may take long
+    return status;
+  }
+
+  MHD_Result post(MHD_Connection* connection, const std::string& path, Exchange& exchange) {
     if (const grpc::Status known = checkSecret(connection); !known.ok()) return fail(connection, known);
     // A form of somebody else's page cannot send this type without asking first.
     const char* type = headerOf(connection, MHD_HTTP_HEADER_CONTENT_TYPE);
@@ -396,6 +512,7 @@ struct Door::Impl {
     if (exchange.tooLarge)
       return fail(connection, grpc::StatusCode::RESOURCE_EXHAUSTED,
                   "the body has more than " + std::to_string(options.requestBytes) + " bytes (limits.request_bytes)");
+    if (!exchange.refused.ok()) return fail(connection, exchange.refused, exchange.retryMs);
     const bool frames = path.size() > 7 && path.compare(path.size() - 7, 7, "/stream") == 0;
     const std::string what = frames ? path.substr(0, path.size() - 7) : path;
     if (what == "/v1/render") {
@@ -447,20 +564,21 @@ struct Door::Impl {
       grpc::Status admitted = impl.admit(connection);
       const std::string path = url;
       if (impl.gltf && path == kGltfPath && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
-        if (!admitted.ok()) return plain(connection, admitted);
+        if (!admitted.ok()) return impl.plain(connection, admitted);
         try {
           GltfAnswer begun = impl.beginForm(connection, *exchange);
-          return begun.status == MHD_HTTP_OK ? MHD_YES : plain(connection, std::move(begun));
+          return begun.status == MHD_HTTP_OK ? MHD_YES : impl.plain(connection, std::move(begun));
         } catch (const std::exception& e) {
-          return plain(connection, refused(MHD_HTTP_INTERNAL_SERVER_ERROR, std::string("exception in the door: ") + e.what()));
+          return impl.plain(connection, refused(MHD_HTTP_INTERNAL_SERVER_ERROR, std::string("exception in the door: ") + e.what()));
         }
       }
-      if (admitted.ok() && path.rfind(kBlobsPath, 0) == 0 && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
+      if (admitted.ok() && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
         try {
-          admitted = impl.beginPut(connection, path.substr(kBlobsPath.size()), *exchange);
+          if (path.rfind(kBlobsPath, 0) == 0) admitted = impl.beginPut(connection, path.substr(kBlobsPath.size()), *exchange);
+          else impl.beginBody(connection, *exchange);
         } catch (const std::exception& e) { admitted = {grpc::StatusCode::INTERNAL, std::string("exception in the door: ") + e.what()}; }
       }
-      return admitted.ok() ? MHD_YES : fail(connection, admitted);
+      return admitted.ok() ? MHD_YES : impl.fail(connection, admitted);
     }
     if (*bytes > 0 && exchange->put) {
       exchange->put->add(data, *bytes);
@@ -473,9 +591,12 @@ struct Door::Impl {
       return MHD_YES;
     }
     if (*bytes > 0) {
-      exchange->tooLarge = exchange->tooLarge || exchange->body.size() + *bytes > impl.options.requestBytes;
-      if (exchange->tooLarge) exchange->body.clear();
-      else exchange->body.append(data, *bytes);
+      try {
+        impl.addBody(connection, *exchange, data, *bytes);
+      } catch (const std::exception& e) {
+        exchange->dropBody();
+        exchange->refused = {grpc::StatusCode::INTERNAL, std::string("exception in the door: ") + e.what()};
+      }
       *bytes = 0;
       return MHD_YES;
     }
@@ -488,11 +609,15 @@ struct Door::Impl {
       if (exchange->form) return impl.endForm(connection, *exchange->form);
       const std::string path = url;
       if (std::strcmp(method, MHD_HTTP_METHOD_GET) == 0 || std::strcmp(method, MHD_HTTP_METHOD_HEAD) == 0) return impl.get(connection, path);
-      if (std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) return impl.post(connection, path, *exchange);
-      return reply(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "only GET, HEAD and POST\n", "text/plain");
+      if (std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
+        const MHD_Result sent = impl.post(connection, path, *exchange);
+        exchange->dropBody();  // a stream may go on for long
+        return sent;
+      }
+      return impl.reply(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "only GET, HEAD and POST\n", "text/plain");
     } catch (const std::exception& e) {
       const grpc::Status status(grpc::StatusCode::INTERNAL, std::string("exception in the door: ") + e.what());
-      return exchange->form ? plain(connection, status) : fail(connection, status);
+      return exchange->form ? impl.plain(connection, status) : impl.fail(connection, status);
     }
   }
   static void completed(void*, MHD_Connection*, void** state, MHD_RequestTerminationCode) { delete static_cast<Exchange*>(*state); }
@@ -501,15 +626,23 @@ struct Door::Impl {
 Door::Door() = default;
 
 Door::~Door() {
-  if (!impl_ || !impl_->daemon) return;
+  if (!impl_ || impl_->servings.empty()) return;
   // Calls that have ended are answers on their way: a picture that was waited for is not lost at the door.
   const auto end = std::chrono::steady_clock::now() + kLastAnswers;
   while (impl_->answering.load() > 0 && std::chrono::steady_clock::now() < end) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   impl_->stopping = true;
-  MHD_stop_daemon(impl_->daemon);
+  impl_->servings.clear();
 }
 
-bool Door::secure() const { return !impl_->options.cert.empty(); }
+bool Door::secure() const { return impl_->tls; }
+
+Status Door::setCertificate(const std::string& cert, const std::string& key) {
+  std::list<Serving>& servings = impl_->servings;
+  if (!impl_->tls || (servings.back().cert == cert && servings.back().key == key)) return {};
+  GOBO_TRY(impl_->serve(cert, key));
+  for (auto old = servings.begin(); old != std::prev(servings.end(), 2);) old = old->idle() ? servings.erase(old) : std::next(old);
+  return {};
+}
 
 Result<std::unique_ptr<Door>> Door::start(DoorOptions options) {
   GOBO_ASSIGN(const Address address, parseAddress(options.listen));
@@ -529,19 +662,12 @@ Result<std::unique_ptr<Door>> Door::start(DoorOptions options) {
   if (impl.options.sceneBytes) impl.gltf = std::make_unique<GltfRenderer>(impl.options.channel, impl.options.sceneBytes);
   impl.schema = schemaJson(*v1::RenderRequest::descriptor());
   self->address_ = bound.served;
-  const bool tls = !impl.options.cert.empty();
-  const MHD_OptionItem security[] = {{MHD_OPTION_HTTPS_MEM_CERT, 0, const_cast<char*>(impl.options.cert.c_str())},
-                                     {MHD_OPTION_HTTPS_MEM_KEY, 0, const_cast<char*>(impl.options.key.c_str())},
-                                     {MHD_OPTION_END, 0, nullptr}};
-  const MHD_OptionItem none[] = {{MHD_OPTION_END, 0, nullptr}};
-  // A name with several addresses is served on the first.
-  impl.daemon =
-      MHD_start_daemon(MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL | (tls ? MHD_USE_TLS : 0), 0, nullptr, nullptr,
-                       &Impl::answer, &impl, MHD_OPTION_LISTEN_SOCKET, bound.sockets[0].get(), MHD_OPTION_CONNECTION_LIMIT, kConnections,
-                       MHD_OPTION_PER_IP_CONNECTION_LIMIT, kConnections / 2, MHD_OPTION_CONNECTION_TIMEOUT, kSilentSeconds, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
-                       kConnectionMemory, MHD_OPTION_NOTIFY_COMPLETED, &Impl::completed, &impl, MHD_OPTION_ARRAY, tls ? security : none, MHD_OPTION_END);
-  if (!impl.daemon) return Status(Code::Unavailable, "cannot start the HTTP listener on " + impl.options.listen + (tls ? " (certificate and key?)" : ""));
-  bound.sockets[0].release();  // the daemon's now
+  impl.bodies = std::make_unique<SharedLimit>(std::max(kBodies, 2 * impl.options.requestBytes));
+  impl.tls = !impl.options.cert.empty();
+  impl.listening = std::move(bound.sockets[0]);  // a name with several addresses is served on the first
+  GOBO_TRY(impl.serve(impl.options.cert, impl.options.key));
+  impl.options.cert.clear();
+  impl.options.key.clear();
   return self;
 }
 

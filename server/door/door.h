@@ -57,6 +57,9 @@ class Door {
   /// HOST:PORT with the port that was picked.
   const std::string& address() const { return address_; }
   bool secure() const;
+  /// PEM texts, for connections from now on; those that there are keep theirs, for one more answer. Nothing for a door without HTTPS.
+  /// Not from two threads at once. Errors: Unavailable; the certificate of before goes on being served.
+  Status setCertificate(const std::string& cert, const std::string& key);
 
  private:
   Door();

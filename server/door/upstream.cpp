@@ -96,7 +96,7 @@ void RenderStream::step(double quietSeconds) {
   reading_ = true;
   switch (call_.wait(quietSeconds)) {
     case Upstream::Quiet:
-      if (frames_) frame("{\"bytes\":0}");
+      if (frames_ && left_ == 0) frame("{\"bytes\":0}");
       return;
     case Upstream::Event:
       reading_ = false;
@@ -108,7 +108,7 @@ void RenderStream::step(double quietSeconds) {
   reader_->Finish(&status_, nullptr);
   call_.wait();
   over_ = true;
-  if (!status_.ok() && frames_) frame("{\"bytes\":0,\"error\":" + errorJson(status_) + "}");
+  if (!status_.ok() && frames_ && left_ == 0) frame("{\"bytes\":0,\"error\":" + errorJson(status_) + "}");
 }
 
 void RenderStream::take() {
@@ -117,6 +117,7 @@ void RenderStream::take() {
     for (const v1::ImageDescriptor& image : reply.images()) bytes += image.bytes();
     if (frames_) frame("{\"bytes\":" + std::to_string(bytes) + ",\"" + name + "\":" + messageToJson(reply, false) + "}");
     head_ = reply;
+    left_ = bytes;
   };
   switch (event_.event_case()) {
     case v1::RenderEvent::kProgress:
@@ -128,6 +129,7 @@ void RenderStream::take() {
       // Chunks come in the order of images and offsets.
       pending_ = std::move(*event_.mutable_chunk()->mutable_data());
       at_ = 0;
+      left_ -= std::min<uint64_t>(left_, pending_.size());
       break;
     case v1::RenderEvent::EVENT_NOT_SET: break;
   }
@@ -143,7 +145,7 @@ void RenderStream::frame(const std::string& json) {
 ssize_t RenderStream::read(char* to, size_t most) {
   while (at_ == pending_.size()) {
     if (call_.cancelled()) return -1;
-    if (over_) return status_.ok() || frames_ ? 0 : -1;
+    if (over_) return left_ == 0 && (status_.ok() || frames_) ? 0 : -1;
     pending_.clear();
     at_ = 0;
     step(kQuietSeconds);

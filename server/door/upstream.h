@@ -2,6 +2,7 @@
 // One call of the gRPC channel behind the door, made on the connection's thread, which meanwhile looks whether its client is still there.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -57,7 +58,7 @@ class RenderStream {
   grpc::Status begin(const Start& start);
   /// The reply's head; of a call without frames it is the first event.
   const v1::RenderReply& head() const { return head_; }
-  /// Up to `most` bytes, 0: the stream is over; -1: the client has gone.
+  /// Up to `most` bytes, 0: the stream is over; -1: the client has gone, or the call ended within a picture.
   ssize_t read(char* to, size_t most);
 
  private:
@@ -72,6 +73,7 @@ class RenderStream {
   v1::RenderReply head_;
   std::string pending_;  // bytes to be read next, from at_
   size_t at_ = 0;
+  uint64_t left_ = 0;  // bytes of the announced picture that have not come: nothing else may stand between them
   bool reading_ = false, over_ = false;
   grpc::Status status_;
 };

@@ -4,9 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
-#include <filesystem>
 #include <random>
 
 #include "server/dial.h"
@@ -51,9 +48,8 @@ Result<std::unique_ptr<FarmWorker>> FarmWorker::start(Engine& engine, JobRunner&
   self->link_.token = std::move(dialled.token);
   std::string folder = config.farmFolder;
   if (folder.empty()) {
-    folder = config.tmpFolder + "/" + kWorkerFolder + std::to_string(::getpid()) + "-XXXXXX";
-    if (!::mkdtemp(folder.data())) return Status(Code::ResourceExhausted, "cannot make a folder in " + config.tmpFolder + ": " + std::strerror(errno));
-    self->ownFolder_ = folder;
+    GOBO_ASSIGN(self->ownFolder_, ScratchFolder::make(config.tmpFolder, kWorkerFolder));
+    folder = self->ownFolder_->path();
   }
   bool alone = false;
   GOBO_TRY(self->files_.open(folder, alone));
@@ -67,11 +63,7 @@ Result<std::unique_ptr<FarmWorker>> FarmWorker::start(Engine& engine, JobRunner&
   return self;
 }
 
-FarmWorker::~FarmWorker() {
-  stop();
-  std::error_code ignored;
-  if (!ownFolder_.empty()) std::filesystem::remove_all(ownFolder_, ignored);
-}
+FarmWorker::~FarmWorker() { stop(); }
 
 void FarmWorker::stop() {
   if (!thread_.joinable()) return;

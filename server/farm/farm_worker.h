@@ -13,6 +13,7 @@
 #include "server/farm/remote_scenes.h"
 #include "server/jobs/job_worker.h"
 #include "server/repeating.h"
+#include "server/scratch.h"
 
 namespace gobo::farm {
 
@@ -37,7 +38,8 @@ class FarmWorker {
   Engine& engine_;
   JobRunner& runner_;
   const ServerConfig config_;
-  std::string name_, ownFolder_;
+  std::string name_;
+  std::unique_ptr<ScratchFolder> ownFolder_;  // null: farm.folder
   FarmLink link_;
   JobFiles files_;
   JobHub hub_;

@@ -33,6 +33,11 @@ def power(stops):
     return f"(() => {{ const l = document.querySelector('#lamp input[type=range]'); l.min = -12; l.value = {stops}; l.dispatchEvent(new Event('input', {{bubbles: true}})); return true }})()"
 
 
+def camera_question(then):
+    """Wraps the page's fetch: what becomes of the question for the camera, which comes as EXR."""
+    return f"(() => {{ const own = window.fetch; window.fetch = async (path, o) => {{ if (String(o?.body).includes('\"EXR\"')) {{ {then} }} return own(path, o) }}; return true }})()"
+
+
 def text(element):
     return f"document.getElementById('{element}').textContent"
 
@@ -280,6 +285,43 @@ class Hands(PageCase):
         self.page.key("Home")
         self.page.until(DONE.format(before), 60)
         self.assertEqual(self.page.run(SUM), plain, "Home is where it began")
+
+    def test_a_late_answer_about_the_camera_takes_no_drag_back(self):
+        self.open("lights8")
+        known = "document.body.dataset.camera === 'known'"
+        place = "(() => { const r = document.querySelector('.handle[data-light=\"e\"]').getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2] })()"
+
+        def looks():
+            camera = self.request()["camera"]
+            way = [camera["look_at"][a] - camera["position"][a] for a in "xyz"]
+            return [v / sum(w * w for w in way) ** 0.5 for v in way]
+
+        self.page.run("document.getElementById('picture').focus()")
+        self.page.key("ArrowLeft")
+        stood = looks()
+        self.page.run("window.held = new Promise((go) => { window.letGo = go }); true")
+        self.page.run(camera_question("const answer = await own(path, o); await window.held; return answer"))
+        self.page.run(field("camera.yfov_deg", 40))
+        self.assertFalse(self.page.run(known))
+        x, y, w, h = self.box()
+        self.drag(x + w / 2, y + h / 2, 60, 0)
+        dragged = looks()
+        self.assertGreater(max(abs(a - b) for a, b in zip(dragged, stood)), 0.1)
+        self.page.run("window.letGo(); true")
+        self.page.until(known)
+        at = self.page.run(place)
+        self.page.run("document.getElementById('picture').focus()")
+        before = self.frames()
+        self.page.key("+")  # goes on from there
+        for a, b in zip(looks(), dragged):
+            self.assertAlmostEqual(a, b, places=3)
+        self.page.until(DONE.format(before), 60)
+        # The handles were where that lens sees them from there: where the server puts them, asked anew.
+        self.page.key("-")
+        self.page.run(field("camera.yfov_deg", 40))
+        self.page.until(known)
+        for a, b in zip(self.page.run(place), at):
+            self.assertAlmostEqual(a, b, delta=0.5)
 
     def test_a_click_names_what_is_there(self):
         self.daemon.call("scenes", {"source": "cornell", "name": "mine"})
@@ -607,15 +649,38 @@ class Ends(PageCase):
             time.sleep(0.02)
 
     def test_stop_escape_and_leaving_free_the_cores(self):
-        self.open()
-        for end in (lambda: self.page.run("document.getElementById('stop').click()"), lambda: self.page.key("Escape"), lambda: self.page.go("about:blank")):
-            self.page.run(field("halt.spp", 1 << 18))
-            before = self.frames()
-            self.page.run(field("seed", before))
-            self.page.until(f"document.body.dataset.state === 'rendering' && Number(document.body.dataset.frames) > {before}")
+        for clean in (0, 1):
+            self.open(clean=clean)
+            for end in (lambda: self.page.run("document.getElementById('stop').click()"), lambda: self.page.key("Escape"), lambda: self.page.go("about:blank")):
+                self.page.run(field("halt.spp", 1 << 18))
+                before = self.frames()
+                self.page.run(field("seed", before))
+                self.page.until(f"document.body.dataset.state === 'rendering' && Number(document.body.dataset.frames) > {before}")
+                self.eventually(lambda: self.running() > 0)
+                end()
+                self.page.until("document.body?.dataset.state !== 'rendering'")
+                self.assertNotEqual(self.page.run("document.body?.dataset.clean"), "asked", "nothing follows")
+                self.eventually(lambda: self.running() == 0)
+
+    def test_stop_ends_the_picture_without_noise(self):
+        self.open(clean=1)
+        self.page.until("document.body.dataset.clean === 'yes'", 60)
+        # What is asked for without noise would take minutes.
+        self.page.run("(() => { const own = window.fetch; window.asked = []; window.fetch = (path, o) => { window.asked.push(path); "
+                      "return own(path, o?.body?.includes('\"denoise\"') ? { ...o, body: o.body.replace(/\"spp\":\\d+/, '\"spp\":262144') } : o) }; return true })()")
+        stop = "document.getElementById('stop').click()"
+        for seed, end in ((1, lambda: self.page.run(stop)), (2, lambda: self.page.key("Escape"))):
+            self.page.run(field("seed", seed))
+            self.page.until("document.body.dataset.state === 'done' && document.body.dataset.clean === 'asked'", 60)
             self.eventually(lambda: self.running() > 0)
+            self.assertFalse(self.page.run("document.getElementById('stop').disabled"))
             end()
+            self.assertEqual(self.page.run("[document.body.dataset.clean, document.getElementById('stop').disabled]"), ["no", True])
             self.eventually(lambda: self.running() == 0)
+        # Stopped before a picture came: that request was the last.
+        self.page.run(f"window.asked = []; {field('seed', 3)}; {stop}; true")
+        self.page.until("document.body.dataset.state === 'done'")
+        self.assertEqual(self.page.run("[window.asked, document.body.dataset.clean, document.getElementById('stop').disabled]"), [["/v1/render/stream"], "no", True])
 
     def test_a_lost_server_is_said_and_found_again(self):
         self.open()
@@ -627,6 +692,13 @@ class Ends(PageCase):
         self.daemon.start()
         self.page.until(DONE.format(before), 60)
         self.assertEqual(self.page.run(text("error")), "")
+        # Lost while the camera was asked for: it can be steered afterwards.
+        self.page.run(camera_question("if (!window.lost) { window.lost = true; throw new TypeError('nobody answers') }"))
+        self.page.run("(() => { const s = document.getElementById('scene'); s.value = 'lights8'; s.dispatchEvent(new Event('change')); return true })()")
+        self.page.until("window.lost && document.body.dataset.camera === 'known'", 60)
+        x, y, w, h = self.box()
+        self.drag(x + w / 2, y + h / 2, 60, 0)
+        self.assertIn("position", self.request().get("camera", {}))
         self.page.complaints()  # the browser says that nobody answered
 
     def test_gobo_view_a_wrong_token_and_a_reload(self):

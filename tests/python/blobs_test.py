@@ -129,6 +129,11 @@ class Blobs(DaemonTest):
         self.assertEqual(self.client.blobs.put([blob]), 1 << 20)
         self.assertEqual(self.client.blobs.put([blob]), 0)
 
+    def test_another_threads_upload_is_not_waited_for_beyond_the_deadline(self):
+        with self.client.blobs._one_at_a_time, self.assertRaises(gobo.DeadlineExceeded):
+            self.client.blobs.put([gobo.blob(b"x")], timeout=0.2)
+        self.assertEqual(self.client.blobs.put([gobo.blob(os.urandom(100))], timeout=60), 100)
+
     def test_a_damaged_first_half_is_sent_again(self):
         data = os.urandom(1000)
         blob = gobo.blob(data)

@@ -52,6 +52,20 @@ class Compose(unittest.TestCase):
         env = {**{k: v for k, v in os.environ.items() if not k.startswith("GOBO_")}, **env}
         return subprocess.run([GOBOD, "--config", self.folder / "gobod.toml", "--check", *flags], env=env, capture_output=True, text=True, timeout=30, check=False)
 
+    def open_to_the_images_user(self):
+        """The secrets that make_certs made, by what the file's head says: mounted as they are, they belong to whoever called it."""
+        command = re.search(r"^# +(chmod 0644 deploy/secrets/\S+)", (DEPLOY / "compose.yaml").read_text(encoding="utf-8"), re.M)[1]
+        subprocess.run(["bash", "-c", command.replace("deploy/secrets", str(self.folder / "secrets"))], check=True, timeout=30)
+        made = 0
+        # libpq's passfile is 0600 and of the image's user; the token is written by hand.
+        for name in {*self.gobod["secrets"], *self.worker["secrets"]} - {"postgresql_passfile", "worker_token"}:
+            mode = (self.folder / self.file["secrets"][name]["file"]).stat().st_mode
+            self.assertTrue(mode & 0o004, f"{name}: {mode:o}")
+            made += 1
+        self.assertEqual(made, 3)
+        self.assertFalse((self.folder / "secrets/ca.key").stat().st_mode & 0o077)
+        self.assertFalse((self.folder / "secrets").stat().st_mode & 0o077)
+
     def test_files_that_it_names(self):
         build = self.gobod["build"]
         self.assertEqual((DEPLOY / build["context"]).resolve(), SOURCE)
@@ -64,6 +78,7 @@ class Compose(unittest.TestCase):
             folder, file = os.path.split(secret["file"])
             self.assertEqual(folder, "secrets")
             self.assertTrue((secrets / file).is_file() or name.startswith("postgresql_") or name == "worker_token", secret)
+        self.open_to_the_images_user()
         ignored = subprocess.run(["git", "-C", SOURCE, "check-ignore", "-q", "deploy/secrets/server.key"], check=False, timeout=30).returncode
         self.assertIn(ignored, (0, 128))   # 128: sources without git
         self.assertIn("deploy/secrets", (SOURCE / ".containerignore").read_text(encoding="utf-8").split())

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `cmake --install` puts into an empty folder works there: the programs, what they load, and the renderer as a library that a program of a few lines
 finds with find_package(gobo) and renders and relights with."""
+import glob
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -55,6 +57,34 @@ class Install(unittest.TestCase):
                      "share/gobo/front/nginx.conf", "share/gobo/proto/gobo/v1/render.proto", "share/doc/gobo/operations.md", "share/doc/gobo/LICENSE",
                      "lib/python3/dist-packages/gobo/__init__.py"):
             self.assertTrue(os.path.isfile(self.at(file)), file)
+
+    @unittest.skipUnless(os.path.isfile(os.path.join(BUILD, "build.ninja")), "not built by ninja")
+    def test_make_builds_what_is_installed(self):
+        """`make` and then `cmake --install` works: nothing that it installs is left to `ninja all`."""
+        with open(os.path.join(SOURCE, "Makefile"), encoding="utf-8") as file:
+            line = re.search(r"^build:.*\n(?:\t.*\n)*?\t@ninja -C \S+ -j \S+ (.+)$", file.read(), re.M)
+        # Read here, because `ninja -t inputs` leaves out what only names like `gobo` ask for.
+        needs = {}
+        with open(os.path.join(BUILD, "build.ninja"), encoding="utf-8") as file:
+            for statement in file:
+                if statement.startswith("build "):
+                    outputs, inputs = statement[len("build "):].split(": ", 1)
+                    needs.update(dict.fromkeys(outputs.split(), inputs.split()[1:]))
+        built, open_ = set(), line[1].split()
+        self.assertLessEqual(set(open_), set(needs))
+        while open_:
+            name = open_.pop()
+            if name not in built:
+                built.add(name)
+                open_ += needs.get(name, [])
+        named = set()
+        for script in glob.glob(os.path.join(BUILD, "**", "cmake_install.cmake"), recursive=True):
+            with open(script, encoding="utf-8") as file:
+                named.update(re.findall(rf'"{re.escape(BUILD)}/([^"]+)"', file.read()))
+        # What ninja does not make was made when the build was configured; of folders that are installed each file counts.
+        wanted = {file for file in needs if any(file == name or file.startswith(name + "/") for name in named)}
+        self.assertLessEqual({"docs/gobo.1", "server/gobod", "clients/python/gobo/wire.py"}, wanted)
+        self.assertEqual(sorted(wanted - built), [])
 
     def test_library(self):
         out = os.path.join(self.folder, "out")

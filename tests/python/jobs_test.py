@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Jobs through a real gobod: the bits of a direct render, pause and resume, cancel, failure, a daemon that is killed."""
+import hashlib
 import os
 import shutil
 import signal
@@ -12,8 +13,8 @@ import grpc
 import numpy as np
 
 import gobo
-from gobo.v1 import service_pb2_grpc
-from support import SMALL, DaemonTest
+from gobo.v1 import jobs_pb2, render_pb2, service_pb2_grpc
+from support import SMALL, DaemonTest, Liar
 
 
 class Jobs(DaemonTest):
@@ -164,6 +165,45 @@ def wait_until_gone(pid: int) -> None:
 class Killed(unittest.TestCase):
     def test_a_watch_survives_a_killed_daemon(self):
         """The daemon dies by kill -9 in the middle; another one on the same address and folder finishes the job."""
+        self.restarted(signal.SIGKILL)
+
+    def test_a_watch_survives_an_orderly_restart(self):
+        """The stream that is opened again meets a daemon that is shutting down, whose gRPC answers late calls with CANCELLED: not the job's end."""
+        self.restarted(signal.SIGTERM)
+
+    def test_cancelled_by_the_server_is_a_broken_stream(self):
+        data = b"\0" * 1200
+        file = jobs_pb2.FrameFile(output="beauty", name="a.raw", bytes=len(data), sha256=hashlib.sha256(data).hexdigest(),
+                                  format=render_pb2.Encoding.RAW_FLOAT, width=10, height=10)
+        job = jobs_pb2.Job(id="j-1", state=jobs_pb2.Job.DONE, frames=[jobs_pb2.Frame(state=jobs_pb2.Frame.DONE, files=[file])])
+        late = {"watch": 2, "fetch": 2}
+
+        def cancelled(context, what):
+            late[what] -= 1
+            if late[what] >= 0:
+                context.abort(grpc.StatusCode.CANCELLED, "CANCELLED")
+
+        def watch(request, context):
+            cancelled(context, "watch")
+            yield jobs_pb2.JobEvent(job=job)
+
+        def fetch(request, context):
+            yield jobs_pb2.FetchReply(chunk=jobs_pb2.FetchedChunk(offset=request.offset, data=data[request.offset:600 if late["fetch"] > 0 else None]))
+            cancelled(context, "fetch")
+        with Liar(Watch=watch, Fetch=fetch, Get=lambda r, c: job) as liar, gobo.connect(liar.address) as client:
+            self.assertEqual(gobo.Job(client.jobs, "j-1").wait(60).state, "done")
+            self.assertEqual([image.sum() for _, image in client.jobs.images("j-1")], [0])
+            self.assertTrue(late["watch"] < 0 and late["fetch"] <= 0, late)
+            late["watch"] = 1 << 30
+            for end, kind in ((lambda watching: watching.cancel(), gobo.Cancelled), (lambda watching: client.close(), gobo.Cancelled)):
+                with client.jobs.watch("j-1", timeout=60) as watching:
+                    threading.Timer(0.5, end, [watching]).start()
+                    begun = time.monotonic()
+                    with self.assertRaises(kind):   # the caller's own, which is not tried again
+                        next(watching)
+                    self.assertLess(time.monotonic() - begun, 30)
+
+    def restarted(self, how):
         with tempfile.TemporaryDirectory() as jobs:
             first = gobo.Daemon(threads=2, jobs=jobs)
             self.addCleanup(first.close)
@@ -180,7 +220,7 @@ class Killed(unittest.TestCase):
                 while job.state().state != "running" and time.monotonic() < end:
                     time.sleep(0.02)
                 pid = client.status().pid
-                os.kill(pid, signal.SIGKILL)
+                os.kill(pid, how)
                 wait_until_gone(pid)
                 second = gobo.Daemon(threads=2, jobs=jobs, args=["--listen", first.address])
                 self.addCleanup(second.close)

@@ -202,6 +202,24 @@ class Render(DaemonTest):
             r.save(self.path("e.tiff"))
         with self.assertRaises(gobo.InvalidArgument):
             r.save(self.path("e.exr"), "albedo")
+        np.testing.assert_array_equal(np.load(r.save(self.path("B.NPY"), "depth")), r.outputs["depth"])
+        np.testing.assert_array_equal(np.load(r.save(self.path("B.NPZ")))["normal"], r.outputs["normal"])
+        self.assertNotIn("B.NPY.npy", os.listdir(self.folder))
+        # In a file format: the bytes as they are, under no other's name.
+        for form, fitting, others in (("png", ("f.png", "F.PNG"), ("f.exr", "f.jpg", "f.npz", "f")), ("jpeg", ("f.jpg", "f.jpeg"), ("f.png",)),
+                                      ("exr", ("f.exr",), ("f.png", "f.raw"))):
+            two = self.client.render("cornell", **SMALL, outputs="beauty,albedo", format=form)
+            for name in fitting:
+                with open(two.save(self.path(name), "albedo"), "rb") as file:
+                    self.assertEqual(file.read(), two.encoded["albedo"])
+                with self.assertRaisesRegex(gobo.InvalidArgument, "beauty, albedo is a file of its own.*output="):
+                    two.save(self.path(name))
+            for name in others:
+                with self.assertRaisesRegex(gobo.InvalidArgument, f"{name}: beauty was asked for as {form.upper()}"):
+                    two.save(self.path("none", name), "beauty")
+        layered = self.client.render("cornell", **SMALL, outputs="beauty,albedo", format="exr", encoding={"layers": True})
+        planes, _ = gobo.exr.read(layered.save(self.path("layers.exr")))
+        self.assertTrue({"R", "albedo.R"} <= set(planes), "one file can hold all")
         self.assertEqual([n for n in os.listdir(self.folder) if n.startswith(".gobo")], [])
 
     def test_the_exr_is_read_by_others(self):
@@ -246,6 +264,25 @@ class Life(unittest.TestCase):
             time.sleep(0.05)
         else:
             self.assertFalse(os.path.exists(f"/proc/{pid}"))
+
+    def test_a_forked_child_leaves_the_daemon_alone(self):
+        code = ("import gobo, os, sys, time\n"
+                "c = gobo.local(threads=1)\n"
+                "folder = c._daemon.folder\n"
+                "c.status()\n"
+                "child = os.fork()\n"
+                "if child == 0:\n    sys.exit(0)\n"
+                "os.waitpid(child, 0)\n"
+                "assert os.path.exists(folder)\n"
+                "gobo.connect(c.address, timeout=20).close()\n"
+                "child = os.fork()\n"   # holds the guard's pipe, too
+                "if child == 0:\n    time.sleep(120)\n    os._exit(0)\n"
+                "begun = time.monotonic()\n"
+                "c.close()\n"
+                "assert time.monotonic() - begun < 30 and not os.path.exists(folder)\n"
+                "os.kill(child, 9)\n")
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=110)
+        self.assertEqual(done.returncode, 0, done.stderr)
 
     def test_a_daemon_that_cannot_start_says_why(self):
         with self.assertRaisesRegex(gobo.Unavailable, "nonesuch.toml"):

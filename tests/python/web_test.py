@@ -34,16 +34,68 @@ def frames(answer):
         yield head, answer.read(head["bytes"])
 
 
+def pair(folder, name):
+    """Writes cert.pem and key.pem of that common name, for 127.0.0.1; their paths."""
+    cert, key = (os.path.join(folder, file) for file in ("cert.pem", "key.pem"))
+    subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-keyout", key, "-out", cert,
+                    "-days", "2", "-subj", f"/CN={name}", "-addext", "subjectAltName=IP:127.0.0.1"], check=True, capture_output=True)
+    return cert, key
+
+
+class Relay:
+    """TCP to a port and back. `pause`: None, or (bytes, seconds): after that many bytes of the answers it passes nothing for so long, once."""
+
+    def __init__(self, test, port):
+        self.target, self.pause, self.passed, self.open = port, None, 0, []
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self.listener.getsockname()[1]
+        test.addCleanup(self.listener.close)
+        threading.Thread(target=self.accept, daemon=True).start()
+
+    def accept(self):
+        while True:
+            try:
+                caller = self.listener.accept()[0]
+            except OSError:
+                return
+            server = socket.create_connection(("127.0.0.1", self.target))
+            self.open += caller, server
+            threading.Thread(target=self.pump, args=(caller, server, False), daemon=True).start()
+            threading.Thread(target=self.pump, args=(server, caller, True), daemon=True).start()
+
+    def stop(self):
+        for one in self.open:
+            try:
+                one.shutdown(socket.SHUT_RDWR)
+            except OSError:
+                pass
+
+    def pump(self, source, to, answers):
+        with source:
+            try:
+                while data := source.recv(16384):
+                    if answers and self.pause:
+                        self.passed += len(data)
+                        if self.passed > self.pause[0]:
+                            seconds, self.pause = self.pause[1], None
+                            time.sleep(seconds)
+                    to.sendall(data)
+                to.shutdown(socket.SHUT_WR)
+            except OSError:
+                pass
+
+
 class Door(unittest.TestCase):
     config = ""
+    request_bytes = "1MiB"
 
     def setUp(self):
         self.folder = tempfile.mkdtemp(prefix="gobo-web-")
         self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
         config = os.path.join(self.folder, "gobod.toml")
         with open(config, "w", encoding="utf-8") as file:
-            file.write('listen = ["unix:s.sock"]\n[web]\nlisten = "127.0.0.1:0"\nhosts = ["render.example"]\n[limits]\nrequest_bytes = "1MiB"\n'
-                       f'[engine]\nthreads = 2\nroots = ["{SOURCE}/tests/data"]\n' + self.config)
+            file.write('listen = ["unix:s.sock"]\n[web]\nlisten = "127.0.0.1:0"\nhosts = ["render.example"]\n[limits]\n'
+                       f'request_bytes = "{self.request_bytes}"\n[engine]\nthreads = 2\nroots = ["{SOURCE}/tests/data"]\n' + self.config)
         with open(os.path.join(self.folder, "log"), "wb") as log:
             self.process = subprocess.Popen([os.environ["GOBO_GOBOD"], "--config", config], stdout=subprocess.PIPE, stderr=log)
         self.addCleanup(self.process.stdout.close)
@@ -255,6 +307,7 @@ class Ends(Door):
 
 
 class Tokens(Door):
+    request_bytes = "16MiB"
     config = f'[[tokens]]\nname = "ann"\nsha256 = "{hashlib.sha256(b"ann-token").hexdigest()}"\n'
 
     def test_calls_need_one_pages_do_not(self):
@@ -270,13 +323,75 @@ class Tokens(Door):
         # Nobody but the door itself may say who calls: a socket's metadata is not looked at.
         self.assertEqual(self.error("/v1/scenes", headers={"x-gobo-http-peer": "unix:"})[0], 401)
 
+    def resident(self):
+        with open(f"/proc/{self.process.pid}/status", encoding="ascii") as file:
+            return int(re.search(r"VmRSS:\s+(\d+) kB", file.read())[1]) << 10
+
+    def half_sent(self, headers, size, framing=None, source="127.0.0.1"):
+        """A connection whose body has come but for its end; that end is to be sent."""
+        made = socket.create_connection(("127.0.0.1", self.port), 30, (source, 0))
+        self.addCleanup(made.close)
+        made.sendall(("POST /v1/plan HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n" +
+                      "".join(f"{k}: {v}\r\n" for k, v in (headers | (framing or {"Content-Length": size + 2})).items()) + "\r\n").encode())
+        made.sendall((f"{size + 2:x}\r\n".encode() if framing else b"") + b" " * size)
+        return made
+
+    @staticmethod
+    def ended(made, end=b"{}"):
+        made.sendall(end)
+        answer = http.client.HTTPResponse(made)
+        answer.begin()
+        return answer.status, json.loads(answer.read()), answer.getheader("Retry-After")
+
+    def test_bodies_take_a_bounded_part_of_memory(self):
+        ann, size = {"Authorization": "Bearer ann-token"}, 16000000
+        plan = {"scene": "cornell", "width": 16, "height": 16}
+        self.assertEqual(self.call("/v1/plan", plan, headers=JSON | ann)[0], 200)
+        chunked = {"Transfer-Encoding": "chunked", "Content-Length": "10"}
+        # Whom nobody knows has nothing kept, whatever he says of its length.
+        before = self.resident()
+        strangers = [self.half_sent({"Authorization": "Bearer nobodys"} if i % 2 else {}, size, chunked if i % 4 < 2 else None, "127.0.0.2")
+                     for i in range(40)]   # an address has half of the connections
+        self.assertLess(self.resident() - before, 64 << 20)
+        self.assertEqual(self.call("/v1/plan", json.dumps(plan).encode().ljust(size), headers=JSON | ann)[0], 200)
+        for i, made in enumerate(strangers[:4]):
+            status, body, _ = self.ended(made, b"{}\r\n0\r\n\r\n" if i % 4 < 2 else b"{}")
+            self.assertEqual((status, body["error"]["code"]), (401, "UNAUTHENTICATED"))
+        for made in strangers:
+            made.close()
+        # A known caller has half of what all have.
+        before = self.resident()
+        own = [self.half_sent(ann, size) for _ in range(40)]
+        self.assertLess(self.resident() - before, 200 << 20)
+        status, body, again = self.ended(own[-1])
+        self.assertEqual((status, body["error"]["code"], again), (429, "RESOURCE_EXHAUSTED", "1"))
+        self.assertIn("bodies are arriving", body["error"]["message"])
+        self.assertEqual(self.call("/v1/plan", plan, headers=JSON | ann)[0], 200, "small ones wait for nobody")
+        made = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+        self.addCleanup(made.close)
+        made.request("POST", "/v1/plan", iter([json.dumps(plan).encode()]), JSON | ann | {"Transfer-Encoding": "chunked"}, encode_chunked=True)
+        self.assertEqual(made.getresponse().status, 200, "nor do those of unknown length")
+        status, body, _ = self.ended(own[0])
+        self.assertNotEqual(status, 429)   # it was kept, and read
+        for made in own:
+            made.close()
+        self.eventually(lambda: self.call("/v1/plan", json.dumps(plan).encode().ljust(size), headers=JSON | ann)[0] == 200)
+
+    def test_a_body_of_a_call_that_takes_none_is_not_kept(self):
+        before = self.resident()
+        for method, path, status in (("GET", "/v1/schema", 200), ("DELETE", "/v1/scenes", 405)):
+            made = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+            self.addCleanup(made.close)
+            made.request(method, path, b"x" * (1 << 20))
+            self.assertEqual(made.getresponse().status, status)
+        self.assertLess(self.resident() - before, 16 << 20)
+
 
 class Configuration(unittest.TestCase):
     def test_with_certificates_it_is_https(self):
         with tempfile.TemporaryDirectory(prefix="gobo-web-") as folder:
-            key, cert, config = (os.path.join(folder, name) for name in ("key.pem", "cert.pem", "gobod.toml"))
-            subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-keyout", key, "-out", cert,
-                            "-days", "2", "-subj", "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1"], check=True, capture_output=True)
+            cert, _ = pair(folder, "localhost")
+            config = os.path.join(folder, "gobod.toml")
             with open(config, "w", encoding="utf-8") as file:
                 file.write('listen = ["unix:s.sock"]\n[tls]\ncert = "cert.pem"\nkey = "key.pem"\n[web]\nlisten = "127.0.0.1:0"\n')
             with subprocess.Popen([os.environ["GOBO_GOBOD"], "--config", config], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
@@ -286,6 +401,72 @@ class Configuration(unittest.TestCase):
                     connection.request("GET", "/v1/scenes", headers={"Origin": f"https://127.0.0.1:{port}"})
                     self.assertIn("cornell", json.loads(connection.getresponse().read())["builtin"])
                     connection.close()
+                finally:
+                    process.kill()
+
+    def test_sighup_renews_the_certificate(self):
+        with tempfile.TemporaryDirectory(prefix="gobo-web-") as folder:
+            cert, key = pair(folder, "first")
+            config = os.path.join(folder, "gobod.toml")
+            with open(config, "w", encoding="utf-8") as file:
+                file.write('listen = ["unix:s.sock"]\n[tls]\ncert = "cert.pem"\nkey = "key.pem"\n[web]\nlisten = "127.0.0.1:0"\n')
+            with subprocess.Popen([os.environ["GOBO_GOBOD"], "--config", config], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+                try:
+                    port = int(re.search(r"https://127\.0\.0\.1:(\d+)", process.stdout.readline().decode())[1])
+
+                    def connected():
+                        connection = http.client.HTTPSConnection("127.0.0.1", port, timeout=20, context=ssl.create_default_context(cafile=cert))
+                        connection.connect()
+                        return connection
+
+                    def served():
+                        return ssl.get_server_certificate(("127.0.0.1", port), timeout=20)
+
+                    def in_file():
+                        with open(cert, encoding="ascii") as file:
+                            return file.read()
+
+                    def reloaded():
+                        process.send_signal(signal.SIGHUP)
+                        return next(line for line in iter(process.stderr.readline, b"") if b"reload" in line)
+
+                    def asked(connection):
+                        connection.request("GET", "/v1/schema")
+                        answer = connection.getresponse()
+                        answer.read()
+                        return answer.status, answer.getheader("Connection")
+
+                    def held():
+                        return [len(os.listdir(f"/proc/{process.pid}/{kind}")) for kind in ("task", "fd")]
+
+                    self.assertEqual(served(), in_file())
+                    before = connected()
+                    self.assertEqual(asked(before), (200, None))
+                    pair(folder, "second")
+                    self.assertIn(b"ok", reloaded())
+                    self.assertEqual(served(), in_file())
+                    self.assertEqual(asked(before), (200, "close"), "what runs goes on, for one answer")
+                    now = connected()
+                    self.assertIn(b"ok", reloaded())
+                    self.assertEqual(asked(now), (200, None), "nothing new, nothing done")
+                    good = in_file()
+                    with open(key, "w", encoding="ascii") as file:
+                        file.write("no key")
+                    self.assertIn(b"failed", reloaded())
+                    self.assertEqual(served(), good, "what was refused changes nothing")
+                    self.assertEqual(asked(now), (200, None))
+                    now.close()
+                    counts = held()
+                    for i in range(8):
+                        pair(folder, f"day {i}")
+                        self.assertIn(b"ok", reloaded())
+                        self.assertEqual(served(), in_file())
+                        time.sleep(0.1)
+                    grown = [after - was for after, was in zip(held(), counts)]
+                    self.assertLess(grown[0], 4, "listeners that nobody is connected to end")
+                    self.assertLess(grown[1], 12)
+                    process.terminate()
+                    self.assertEqual(process.wait(15), 0)
                 finally:
                     process.kill()
 
@@ -321,6 +502,51 @@ class View(unittest.TestCase):
         self.assertEqual([status(token), status(""), status(token[:-1] + "x")], [200, 401, 401])
         process.send_signal(signal.SIGINT)
         self.assertEqual(process.wait(20), 0)
+
+    def test_a_silence_within_a_picture_does_not_change_it(self):
+        with tempfile.TemporaryDirectory(prefix="gobo-web-") as folder, open(os.path.join(folder, "log"), "wb") as log:
+            env = os.environ | {"GOBO_SERVER": "", "GOBO_CACHE": os.path.join(folder, "cache")}
+            daemon = subprocess.Popen([os.environ["GOBO_GOBOD"], "--listen", "127.0.0.1:0", "--threads", "2"], stdout=subprocess.PIPE, stderr=log, env=env)
+            self.addCleanup(daemon.stdout.close)
+            self.addCleanup(daemon.wait)
+            self.addCleanup(daemon.kill)
+            relay = Relay(self, int(re.search(r"127\.0\.0\.1:(\d+)", daemon.stdout.readline().decode())[1]))
+            view = subprocess.Popen([os.environ["GOBO_CLI"], "--server", f"127.0.0.1:{relay.port}", "view"], stdout=subprocess.PIPE, stderr=log, env=env)
+            self.addCleanup(view.stdout.close)
+            self.addCleanup(view.wait)
+            self.addCleanup(view.kill)
+            port, token = re.match(r"http://127\.0\.0\.1:(\d+)/#token=([0-9a-f]{32})", view.stdout.readline().decode()).groups()
+            request = {"scene": "cornell", "width": 480, "height": 360, "halt": {"spp": 1}, "encoding": {"format": "RAW_FLOAT"},
+                       "scheduling": {"ladder": False}}
+
+            def asked():
+                connection = http.client.HTTPConnection("127.0.0.1", int(port), timeout=60)
+                self.addCleanup(connection.close)
+                connection.request("POST", "/v1/render/stream", json.dumps(request), JSON | {"Authorization": "Bearer " + token})
+                return connection.getresponse()
+
+            def picture():
+                answer = asked()
+                head, data = next((h, d) for h, d in frames(answer) if "reply" in h)
+                self.assertEqual(answer.read(), b"")
+                self.assertEqual(len(data), head["bytes"])
+                return data
+
+            undelayed = picture()
+            self.assertEqual(len(undelayed), 480 * 360 * 3 * 4)
+            relay.pause = 200 << 10, 6
+            begun = time.monotonic()
+            self.assertTrue(picture() == undelayed)
+            self.assertGreater(time.monotonic() - begun, 6)
+            # A way that ends within the picture: its bytes are too few, and nothing comes in their place.
+            relay.pause = 400 << 10, 60
+            relay.passed = 0
+            answer = asked()
+            threading.Timer(1, relay.stop).start()
+            with self.assertRaises(http.client.IncompleteRead):
+                answer.read()
+            view.send_signal(signal.SIGINT)
+            self.assertEqual(view.wait(20), 0)
 
 
 class Blobs(Door):

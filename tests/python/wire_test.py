@@ -4,6 +4,7 @@ import os
 import pathlib
 import subprocess
 import tempfile
+import threading
 import time
 import unittest
 from unittest import mock
@@ -12,7 +13,7 @@ import grpc
 import numpy as np
 
 import gobo
-from gobo import errors
+from gobo import errors, wire
 from gobo.v1 import render_pb2, service_pb2
 from support import CLI, DaemonTest, Liar, events
 
@@ -47,6 +48,11 @@ class Tokens(unittest.TestCase):
     def test_never_in_the_clear_over_a_network(self):
         with self.assertRaisesRegex(gobo.InvalidArgument, "unencrypted"):
             gobo.connect("render.example.com:50551", token="s")
+        for named in ("127.evil.example:50051", "127.0.0.1.nip.io:1", "127.0.0.1.:1", "[::2]:1", "localhost.example:1"):   # names of anybody
+            with self.assertRaisesRegex(gobo.InvalidArgument, "unencrypted", msg=named):
+                gobo.connect(named, token="s")
+        for local in ("127.0.0.1:1", "127.8.9.10:1", "[::1]:1", "localhost:1", "unix:/nonesuch"):
+            wire.Wire(local, "s", None, None, 0).close()
         with self.assertRaises(gobo.InvalidArgument):
             gobo.connect("127.0.0.1:1", token="two words")
         done = subprocess.run([CLI, "--server", "render.example.com:50551", "status"], env={**os.environ, "GOBO_TOKEN": "s"}, capture_output=True, text=True, timeout=60)
@@ -131,6 +137,71 @@ class Busy(unittest.TestCase):
         with Liar(Render=answer) as liar, gobo.connect(liar.address) as client, self.assertRaises(gobo.ResourceExhausted):
             client.render("x", timeout=2)
         self.assertEqual(len(calls), 1)
+
+    def test_one_deadline_for_all_calls_of_one_piece_of_work(self):
+        left = []
+
+        def refuse(request, context):
+            left.append(context.time_remaining())
+            time.sleep(0.5)
+            context.abort(grpc.StatusCode.PERMISSION_DENIED, "outside of the roots")
+
+        def found(request, context):
+            left.append(context.time_remaining())
+            return service_pb2.SceneInfo(id="s")
+
+        def timed(request, context):
+            left.append(context.time_remaining())
+            yield from events()
+
+        def slow(request, context):
+            time.sleep(0.5)
+            return found(request, context)
+        with tempfile.NamedTemporaryFile(suffix=".glb") as file:
+            with Liar(Open=refuse, Inspect=found, Render=timed, RenderProgressive=timed) as liar, gobo.connect(liar.address, timeout=8) as client:
+                # Times of ten seconds and more would be told in a coarser unit.
+                for seconds, work in ((9, lambda: client.render(file.name, timeout=9)), (8, lambda: client.render(file.name)),
+                                      (9, lambda: list(client.render_progressive(file.name, timeout=9)))):
+                    left.clear()
+                    work()
+                    self.assertEqual(len(left), 3)
+                    self.assertTrue(seconds + 0.1 > left[0] and left[0] - 0.4 > left[1] and left[1] + 0.1 > left[2], left)
+                self.assertIsNone(gobo.Client(wire.Wire(liar.address, None, None, None, 0))._wire.until(None))
+                until = client._wire.until(None)
+                self.assertEqual((until, client._wire.until(until) is until), (8, True))
+            calls = []
+            with Liar(Open=refuse, Inspect=slow, Render=lambda r, c: calls.append(1) or events()) as liar, gobo.connect(liar.address) as client:
+                begun = time.monotonic()
+                with self.assertRaises(gobo.DeadlineExceeded):
+                    client.render(file.name, timeout=0.8)   # enough for each call alone
+                self.assertLess(time.monotonic() - begun, 5)
+                self.assertEqual(calls, [])
+
+    def test_no_time_at_all_is_no_time(self):
+        stop = threading.Event()
+        with Liar(Inspect=lambda r, c: stop.wait(20)) as liar, gobo.connect(liar.address) as client:
+            try:
+                with self.assertRaises(gobo.DeadlineExceeded):
+                    client.scenes.inspect("s", timeout=0)
+            finally:
+                stop.set()
+
+    def test_deadlines_hold_where_nobody_is_there_any_more(self):
+        with Liar() as liar:
+            client = gobo.connect(liar.address)
+        with client:
+            begun = time.monotonic()
+            with self.assertRaises((gobo.Unavailable, gobo.DeadlineExceeded)):
+                client.jobs.submit("cornell", timeout=0.3)
+            with self.assertRaisesRegex(gobo.DeadlineExceeded, "j-1: the time is over"):
+                gobo.Job(client.jobs, "j-1").wait(0.5)
+            with self.assertRaises((gobo.Unavailable, gobo.DeadlineExceeded)):
+                client.blobs.put([gobo.blob(b"x")], timeout=0.3)
+            self.assertLess(time.monotonic() - begun, 5)
+            pauses = []
+            with mock.patch("gobo.jobs.pause", lambda seconds, cancel: pauses.append(seconds)), self.assertRaises(gobo.Unavailable):
+                client.jobs.submit("cornell")
+            self.assertEqual(pauses, [0.2, 0.4, 0.8], "and none after the last try")
 
     def test_unary_calls_too(self):
         calls = []

@@ -9,6 +9,7 @@ import os
 import posixpath
 import struct
 import threading
+import time
 import urllib.parse
 from dataclasses import dataclass
 from typing import Any, BinaryIO, Dict, Iterable, Iterator, Mapping, Optional, Union
@@ -18,7 +19,7 @@ import numpy as np
 from . import errors, exr
 from .cancellation import current, pause
 from .v1 import render_pb2, service_pb2, service_pb2_grpc
-from .wire import Wire
+from .wire import Until, Wire
 
 _PIECE = 1 << 19   # with its frame below any limits.request_bytes
 _TRIES = 8   # of connections that break one after the other
@@ -129,33 +130,37 @@ class Blobs:
 
     def put(self, blobs: Iterable[Blob], *, timeout: Optional[float] = None) -> int:
         """Sends what the server has not got of this caller's yet; returns the bytes that were sent. A connection that breaks is gone on with."""
+        until = self._wire.until(timeout)
         cancel = current(None)
-        while not self._one_at_a_time.acquire(timeout=0.1):
+        while not self._one_at_a_time.acquire(timeout=0.1 if until is None else min(0.1, max(until.end - time.monotonic(), 0.0))):
             if cancel is not None:
                 cancel.check()
+            if until is not None and until.passes_in(0):
+                raise errors.DeadlineExceeded("another thread of this client was sending files all the time")
         try:
-            return self._put({b.sha256: b for b in blobs}, timeout)
+            return self._put({b.sha256: b for b in blobs}, until)
         finally:
             self._one_at_a_time.release()
 
-    def _put(self, wanted: Dict[str, Blob], timeout: Optional[float]) -> int:
+    def _put(self, wanted: Dict[str, Blob], until: Optional[Until]) -> int:
         sent = broken = 0
         while True:
             request = service_pb2.MissingBlobsRequest(blobs=[service_pb2.BlobDigest(sha256=b.sha256, bytes=b.bytes) for b in wanted.values()])
-            missing = list(self._wire.unary(self._stub.Missing, request, timeout).missing)
+            missing = list(self._wire.unary(self._stub.Missing, request, until).missing)
             if not missing:
                 return sent
             try:
                 for m in missing:
-                    sent += self._one(wanted[m.blob.sha256], m.received, timeout)
+                    sent += self._one(wanted[m.blob.sha256], m.received, until)
                 wanted = {m.blob.sha256: wanted[m.blob.sha256] for m in missing if m.received}   # what may have been dropped: it is asked for again
                 if not wanted:
                     return sent
             except (errors.Unavailable, errors.Aborted):   # Aborted: another client of the same name sends the same file
                 broken += 1
-                if broken >= _TRIES:
+                seconds = min(0.1 * 2 ** broken, 3.0)
+                if broken >= _TRIES or (until is not None and until.passes_in(seconds)):
                     raise
-                pause(min(0.1 * 2 ** broken, 3.0), current(None))
+                pause(seconds, current(None))
 
     def _one(self, blob: Blob, offset: int, timeout: Optional[float]) -> int:
         def pieces() -> Iterator[service_pb2.PutBlobRequest]:

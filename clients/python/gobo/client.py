@@ -90,6 +90,7 @@ class Client:
         Raises:
             gobo.Error: see its subclasses. KeyboardInterrupt cancels the render and goes on.
         """
+        timeout = self._wire.until(timeout)
         request = self._request(scene, fields, timeout, cancel)
         method = self._render.Render if on_progress is None else self._render.RenderProgressive
         if not request.scheduling.HasField("ladder"):
@@ -99,11 +100,12 @@ class Client:
     def render_progressive(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, timeout: Optional[float] = None,
                            on_progress: Optional[ProgressCallback] = None, cancel: Optional[Cancellation] = None,
                            **fields: "Unpack[RequestFields]") -> Progressive:
-        """Like `render`, but yields valid pictures on the way. A slow consumer misses snapshots, never the last one.
+        """Like `render`, but yields valid pictures on the way. A slow consumer misses snapshots, never the last one. `timeout` counts from this call on.
 
             for snapshot in client.render_progressive("cornell", spp=256):
                 print(snapshot.samples, snapshot.image.mean())
         """
+        timeout = self._wire.until(timeout)
         return self._snapshots(self._request(scene, fields, timeout, cancel), timeout, on_progress, cancel)
 
     def plan(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, timeout: Optional[float] = None, cancel: Optional[Cancellation] = None,
@@ -112,6 +114,7 @@ class Client:
         `pinned_bytes`, the beauty's error to be expected from pictures rendered before (`rmse`, `standard_error`, `error_from`; 0 and empty where nothing
         is known), where `ms` was learned (`time_from`), and `resolved`, the request with every default filled in.
         """
+        timeout = self._wire.until(timeout)
         request = self._request(scene, fields, timeout, cancel)
         try:
             return self._wire.unary(self._render.Plan, request, timeout, cancel)
@@ -127,6 +130,7 @@ class Client:
         Keywords are those of `render`. `lights={"key": None}` undoes an edit of that light. `env=` replaces the environment as a
         whole; `set={"environment.rotation_deg": 90}` turns the one that is there.
         """
+        timeout = self._wire.until(timeout)
         request = self._relight(render_id, fields, timeout, cancel)
         request.progressive = on_progress is not None
         return self._last(self._stream(self._render.Relight, request, timeout, cancel), on_progress)
@@ -134,6 +138,7 @@ class Client:
     def relight_progressive(self, render_id: Union[str, Result], *, timeout: Optional[float] = None, on_progress: Optional[ProgressCallback] = None,
                             cancel: Optional[Cancellation] = None, **fields: "Unpack[RequestFields]") -> Progressive:
         """Like `relight`, but yields valid pictures on the way, as `render_progressive` does."""
+        timeout = self._wire.until(timeout)
         request = self._relight(render_id, fields, timeout, cancel)
         request.progressive = True
         return Progressive(lambda own: self._results(self._stream(self._render.Relight, request, timeout, own), on_progress), cancel)
@@ -150,9 +155,9 @@ class Client:
         Args:
             on_picture: called with each picture, in the session's thread.
             on_error: called with each gobo.Error of a render, in the session's thread.
-            timeout: seconds that each render may take.
+            timeout: seconds that each render may take, and what is sent before the first one.
         """
-        return Session(self._request(scene, fields, timeout), lambda request, stop: self._snapshots(request, timeout, None, stop),
+        return Session(self._request(scene, fields, self._wire.until(timeout)), lambda request, stop: self._snapshots(request, timeout, None, stop),
                        on_picture, on_error, lambda edits: self._environments.put_arrays(edits, timeout))
 
     def status(self, *, timeout: Optional[float] = None) -> service_pb2.StatusReply:
@@ -177,6 +182,7 @@ class Client:
             keys: digests, or their first 6 digits or more.
             pinned: pinned ones alone.
         """
+        timeout = self._wire.until(timeout)
         request = service_pb2.ListTermsRequest(which=_selector(type, scene, keys), pinned=pinned, page_size=1000)
         whole = self._wire.unary(self._admin.ListTerms, request, timeout)
         page = whole
@@ -215,6 +221,7 @@ class Client:
         return Progressive(lambda own: self._results(self._stream(self._render.RenderProgressive, request, timeout, own), on_progress), cancel)
 
     def _stream(self, method: Callable[..., Any], request: Any, timeout: Optional[float], cancel: Optional[Cancellation]) -> Iterator[render_pb2.RenderEvent]:
+        timeout = self._wire.until(timeout)   # of a session it is each render's own
         relight = isinstance(request, render_pb2.RelightRequest)
         try:
             yield from self._wire.stream(method, request, timeout, cancel)
@@ -289,7 +296,7 @@ def connect(address: Optional[str] = None, token: Optional[str] = None, tls: Uni
         token: sent as `authorization: Bearer TOKEN`; None: $GOBO_TOKEN. Refused without `tls` unless the server is on this machine.
         tls: True (the system's certificates), the path of a CA certificate, or `Tls(...)` for mutual TLS.
         start: start a private daemon instead (`local`).
-        timeout: seconds that each call may take unless it says otherwise; None: any.
+        timeout: seconds that each call may take, with all that it sends and asks for, unless it says otherwise; None: any.
         retries: how often a call that found the server busy is tried again, never earlier than the server asked for.
         upload_limit: bytes of the largest scene file that is uploaded without being asked for.
 
@@ -300,7 +307,7 @@ def connect(address: Optional[str] = None, token: Optional[str] = None, tls: Uni
         return local(timeout=timeout, retries=retries, upload_limit=upload_limit)
     client = Client(Wire(address, token, tls, timeout, retries), None, upload_limit)
     try:
-        client.status(timeout=timeout or 20.0)
+        client.status(timeout=20.0 if timeout is None else timeout)
     except BaseException:
         client.close()
         raise

@@ -28,9 +28,15 @@ def find_gobod() -> str:
     raise NotFound(f"no gobod {'at $GOBO_GOBOD = ' + named if named else 'in the PATH; name it with GOBO_GOBOD'}")
 
 
-def _stop(process: "subprocess.Popen[bytes]", folder: str, patience: float) -> None:
+def _stop(process: "subprocess.Popen[bytes]", folder: str, patience: float, owner: int) -> None:
+    if os.getpid() != owner:   # a forked child that ends: the daemon is its parent's
+        return
     if process.stdin and not process.stdin.closed:
-        process.stdin.close()
+        try:
+            process.stdin.write(b"\n")   # the guard reads on where a forked child has this pipe, too
+            process.stdin.close()
+        except OSError:
+            pass   # the guard has gone, and its daemon with it
     try:
         process.wait(patience)
     except subprocess.TimeoutExpired:
@@ -72,7 +78,7 @@ class Daemon:
             shutil.rmtree(self.folder, ignore_errors=True)
             raise
         # A session of its own: Ctrl-C in the terminal reaches this process only, which then cancels its call.
-        self._finalize = weakref.finalize(self, _stop, process, self.folder, 40.0)
+        self._finalize = weakref.finalize(self, _stop, process, self.folder, 40.0, os.getpid())
         assert process.stdout is not None
         line = _first_line(process.stdout, wait)
         if b"ready" not in line:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import time
 import uuid
 from dataclasses import dataclass, field
 from typing import Any, Iterable, Iterator, List, Optional, Tuple, Union, Unpack
@@ -17,7 +16,7 @@ from .cancellation import Cancellation, Stream, current, pause
 from .fields import Builder, RequestFields, fill
 from .scenes import Scene, Scenes
 from .v1 import jobs_pb2, jobs_pb2_grpc, render_pb2
-from .wire import Wire
+from .wire import Until, Wire
 
 #: One frame, (first, last) inclusive, a range, or the fields of FrameRange.
 Frames = Union[int, Tuple[int, int], range, "dict[str, Any]", None]
@@ -131,9 +130,10 @@ class Job:
             gobo.DeadlineExceeded: `timeout` seconds passed; the job goes on.
             gobo.Cancelled: `cancel` was; the job goes on.
         """
+        timeout = self._jobs._wire.until(timeout)
         for _ in self._jobs.watch(self.id, timeout=timeout, cancel=cancel):
             pass
-        last = self._jobs.get(self.id)
+        last = self._jobs.get(self.id, timeout=timeout)
         if last.state == "failed":
             code = last.message.error.code
             raise errors.make(_CODES.get(code, "UNKNOWN"), f"job {self.id} failed: {last.error}")
@@ -166,13 +166,14 @@ class Job:
     def delete(self) -> None:
         self._jobs.delete(self.id)
 
-    def fetch(self, folder: "str | os.PathLike[str]", *, frames: Optional[Iterable[int]] = None, outputs: Optional[Iterable[str]] = None) -> List[str]:
+    def fetch(self, folder: "str | os.PathLike[str]", *, frames: Optional[Iterable[int]] = None, outputs: Optional[Iterable[str]] = None,
+              timeout: Optional[float] = None) -> List[str]:
         """See `Jobs.fetch`."""
-        return self._jobs.fetch(self.id, folder, frames=frames, outputs=outputs)
+        return self._jobs.fetch(self.id, folder, frames=frames, outputs=outputs, timeout=timeout)
 
-    def images(self, output: Optional[str] = None) -> Iterator[Tuple[int, np.ndarray]]:
+    def images(self, output: Optional[str] = None, *, timeout: Optional[float] = None) -> Iterator[Tuple[int, np.ndarray]]:
         """See `Jobs.images`."""
-        return self._jobs.images(self.id, output)
+        return self._jobs.images(self.id, output, timeout=timeout)
 
     def __repr__(self) -> str:
         return f"<gobo.Job {self.id}>"
@@ -210,6 +211,7 @@ class Jobs:
             out: the daemon writes each file there too, below its jobs.out_folder, such as "shots/{name}.{frame:04}.{ext}" (docs/protocol.md, "Jobs").
             fields: the request, as for `render`; files are EXR unless `format=` says otherwise.
         """
+        timeout = self._wire.until(timeout)
         request = render_pb2.RenderRequest()
         fill(request, self._environments.put_arrays(fields, timeout))
         request.scene = self._scenes.resolve(scene if scene else request.scene, timeout)
@@ -221,19 +223,19 @@ class Jobs:
         builder.merge(spec, {k: v for k, v in values.items() if v is not None}, "")
         if fps is not None:
             spec.frames.fps = fps
-        last: Optional[errors.Error] = None
-        for attempt in range(4):   # the key makes repeating safe when the connection breaks before the answer
+        broken = 0
+        while True:   # the key makes repeating safe when the connection breaks before the answer
             try:
                 return Job(self, self._wire.unary(self._stub.Submit, spec, timeout).id)
-            except errors.Unavailable as e:
-                last = e
-                pause(0.2 * 2 ** attempt, current(None))
-            except (errors.PermissionDenied, errors.NotFound) as e:
-                if not self._environments.mend(spec.request.environment, e, timeout):
+            except errors.Unavailable:
+                broken += 1
+                seconds = 0.1 * 2 ** broken
+                if broken >= 4 or (timeout is not None and timeout.passes_in(seconds)):
                     raise
-                last = e
-        assert last is not None
-        raise last
+                pause(seconds, current(None))
+            except (errors.PermissionDenied, errors.NotFound) as e:
+                if not self._environments.mend(spec.request.environment, e, timeout):   # it has no path after that, so it is not mended again
+                    raise
 
     def get(self, id: str, *, timeout: Optional[float] = None) -> JobState:
         """A job with all its frames."""
@@ -241,6 +243,7 @@ class Jobs:
 
     def list(self, *, states: Iterable[str] = (), client: str = "", timeout: Optional[float] = None) -> List[JobState]:
         """Jobs, newest first; frames are left out."""
+        timeout = self._wire.until(timeout)
         request = jobs_pb2.ListJobsRequest(client=client, page_size=1000)
         Builder(request).put("states", [s for s in states])
         found: List[JobState] = []
@@ -296,35 +299,47 @@ class Jobs:
     def watch(self, id: str, *, timeout: Optional[float] = None, cancel: Optional[Cancellation] = None) -> Stream[JobState]:
         """The job as it is, then every change until it has ended. A stream that breaks is opened again (a daemon may restart).
 
-        `cancel()` and `close()` of what this returns, from any thread, stop watching (see `Stream`); the job goes on.
+        `cancel()` and `close()` of what this returns, from any thread, stop watching (see `Stream`); the job goes on. `timeout` counts from this
+        call on, whether the server is there or not.
         """
-        return Stream(lambda own: self._watch(id, timeout, own), cancel)
+        until = self._wire.until(timeout)
+        return Stream(lambda own: self._watch(id, until, own), cancel)
 
-    def _watch(self, id: str, timeout: Optional[float], cancel: Cancellation) -> Iterator[JobState]:
-        end = None if timeout is None else time.monotonic() + timeout
+    def _watch(self, id: str, until: Optional[Until], cancel: Cancellation) -> Iterator[JobState]:
         broken = 0
         while True:
-            left = None if end is None else max(end - time.monotonic(), 0.001)
             try:
-                for event in self._wire.stream(self._stub.Watch, jobs_pb2.WatchJobRequest(id=id), left, cancel):
+                for event in self._wire.stream(self._stub.Watch, jobs_pb2.WatchJobRequest(id=id), until, cancel):
                     broken = 0
                     yield _state(event.job, event.frame if event.HasField("frame") else None)
                 return
-            except errors.Unavailable:
+            except (errors.Unavailable, errors.Cancelled) as e:
                 broken += 1
-                if broken > 20:
-                    raise
-                pause(min(0.1 * 2 ** broken, 3.0), cancel)
+                self._before_another(id, e, broken, until, cancel)
+
+    def _before_another(self, id: str, error: errors.Error, broken: int, until: Optional[Until], cancel: Optional[Cancellation]) -> None:
+        """Pauses before a stream that broke is opened for the `broken`th time after its last message; raises where it is not to be."""
+        # A server that is about to close cancels the calls that come too late, so that Cancelled may be its word, and not this side's.
+        if cancel is not None:
+            cancel.check()
+        if broken > 20 or self._wire.closed:
+            raise error from None
+        seconds = max(min(0.1 * 2 ** broken, 3.0), (error.retry_after_ms or 0) / 1000)
+        if until is not None and until.passes_in(seconds):
+            raise errors.DeadlineExceeded(f"job {id}: the time is over: {error.message}") from None
+        pause(seconds, cancel)
 
     def fetch(self, id: str, folder: "str | os.PathLike[str]", *, frames: Optional[Iterable[int]] = None,
               outputs: Optional[Iterable[str]] = None, timeout: Optional[float] = None) -> List[str]:
         """Writes the files of finished frames into `folder` and returns their paths.
 
-        A file that is there with the right digest is not fetched again, and one that was cut off goes on where it stopped.
+        A file that is there with the right digest is not fetched again, and one that was cut off goes on where it stopped. `timeout` is of all of
+        them together.
         """
+        timeout = self._wire.until(timeout)
         os.makedirs(folder, exist_ok=True)
         paths = []
-        for frame, file in self._files(id, frames, outputs):
+        for frame, file in self._files(id, frames, outputs, timeout):
             name = os.path.basename(file.name)
             if name in ("", ".", "..") or "\0" in name:   # the name comes from outside
                 raise errors.DataLoss(f"job {id}: a file of the name {file.name!r}")
@@ -333,9 +348,12 @@ class Jobs:
         return paths
 
     def images(self, id: str, output: Optional[str] = None, *, timeout: Optional[float] = None) -> Iterator[Tuple[int, np.ndarray]]:
-        """(frame, float32 array) of each finished frame: of one output, the first unless named. For EXR and raw jobs."""
+        """(frame, float32 array) of each finished frame: of one output, the first unless named. For EXR and raw jobs.
+
+        `timeout` is each frame's own: what is done with the one before does not count.
+        """
         seen = set()
-        for frame, file in self._files(id, None, [output] if output else None):
+        for frame, file in self._files(id, None, [output] if output else None, timeout):
             if frame in seen:
                 continue
             seen.add(frame)
@@ -344,8 +362,9 @@ class Jobs:
                 raise errors.DataLoss(f"job {id}: frame {frame}: the bytes do not have their digest")
             yield frame, _array(file, data)
 
-    def _files(self, id: str, frames: Optional[Iterable[int]], outputs: Optional[Iterable[str]]) -> List[Tuple[int, jobs_pb2.FrameFile]]:
-        job = self.get(id).message
+    def _files(self, id: str, frames: Optional[Iterable[int]], outputs: Optional[Iterable[str]],
+               timeout: Optional[float]) -> List[Tuple[int, jobs_pb2.FrameFile]]:
+        job = self.get(id, timeout=timeout).message
         wanted = None if frames is None else set(frames)
         missing = sorted((wanted or set()) - {f.frame for f in job.frames})
         if missing:
@@ -362,11 +381,13 @@ class Jobs:
                 if (wanted is None or f.frame in wanted) and (named is None or x.output in named)]
 
     def _chunks(self, id: str, frame: int, file: jobs_pb2.FrameFile, offset: int, timeout: Optional[float]) -> Iterator[bytes]:
+        until = self._wire.until(timeout)
+        cancel = current(None)
         broken = 0
         while offset < file.bytes:
             request = jobs_pb2.FetchRequest(id=id, frames=[frame], outputs=[file.output], offset=offset)
             try:
-                for reply in self._wire.stream(self._stub.Fetch, request, timeout):
+                for reply in self._wire.stream(self._stub.Fetch, request, until, cancel):
                     if reply.WhichOneof("part") != "chunk":
                         continue
                     if reply.chunk.offset != offset or len(reply.chunk.data) > file.bytes - offset:
@@ -376,11 +397,9 @@ class Jobs:
                     yield reply.chunk.data
                 if offset < file.bytes:
                     raise errors.DataLoss(f"job {id}: {file.name}: {offset} of {file.bytes} bytes arrived")
-            except errors.Unavailable:
+            except (errors.Unavailable, errors.Cancelled) as e:
                 broken += 1
-                if broken > 10:
-                    raise
-                pause(min(0.1 * 2 ** broken, 3.0), current(None))
+                self._before_another(id, e, broken, until, cancel)
 
     def _file(self, id: str, frame: int, file: jobs_pb2.FrameFile, path: str, timeout: Optional[float]) -> None:
         if os.path.isfile(path) and os.path.getsize(path) == file.bytes and _sha256(path) == file.sha256:

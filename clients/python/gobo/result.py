@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from .fields import RequestFields
 
 
+_EXTENSIONS = {render_pb2.Encoding.EXR: (".exr",), render_pb2.Encoding.PNG: (".png",), render_pb2.Encoding.JPEG: (".jpg", ".jpeg")}
+
+
 @dataclass(frozen=True)
 class Node:
     """One row of the plan."""
@@ -180,6 +183,7 @@ class Result:
 
         .exr: float, ZIP, channels "R" of the first output and "albedo.R" of others, with the resolved request in the header.
         .npy, .npz, .raw: the floats. .png, .jpg: tone mapped by the server (`exposure`), which must still know the render.
+        Of a result that was asked for in a file format, its bytes as they are: one output, under an extension of that format.
         The file appears by rename: one that is there is whole.
         """
         path = os.fspath(path)
@@ -189,15 +193,16 @@ class Result:
         if unknown:
             raise InvalidArgument(f"output = {unknown[0]}: not in this result (has: {', '.join(self.channels)})", field="output")
         if chosen[0] in self.encoded:
+            self._check_encoded(path, kind, chosen)
             exr.write_atomic(path, self.encoded[chosen[0]])
         elif kind == ".exr":
             exr.write(path, self._planes(chosen), self._header(chosen))
         elif kind == ".npz":
-            with _Whole(path) as temporary:
-                np.savez(temporary, **{n.replace(":", "_"): self.outputs[n] for n in chosen})
+            with _Whole(path) as temporary, open(temporary, "wb") as file:   # by a name numpy would add the extension that it knows
+                np.savez(file, **{n.replace(":", "_"): self.outputs[n] for n in chosen})
         elif kind == ".npy":
-            with _Whole(path) as temporary:
-                np.save(temporary, self.outputs[chosen[0]])
+            with _Whole(path) as temporary, open(temporary, "wb") as file:
+                np.save(file, self.outputs[chosen[0]])
         elif kind == ".raw":
             exr.write_atomic(path, self.outputs[chosen[0]].astype("<f4").tobytes())
         elif kind in (".png", ".jpg", ".jpeg"):
@@ -207,6 +212,15 @@ class Result:
         else:
             raise InvalidArgument(f"path = {path}: the extension must be .exr, .png, .jpg, .raw, .npy or .npz", field="path")
         return path
+
+    def _check_encoded(self, path: str, kind: str, chosen: Sequence[str]) -> None:
+        if len(chosen) > 1:
+            raise InvalidArgument(f"path = {path}: each of {', '.join(chosen)} is a file of its own (format=): choose one with output=", field="output")
+        form = next(image.format for image in self.reply.images if image.output == chosen[0])
+        fitting = _EXTENSIONS.get(form, (kind,))   # of a format of later versions any will do
+        if kind not in fitting:
+            raise InvalidArgument(f"path = {path}: {chosen[0]} was asked for as {render_pb2.Encoding.Format.Name(form)} (format=), the extension must be "
+                                  f"{' or '.join(fitting)}", field="path")
 
     def _planes(self, names: Sequence[str]) -> Dict[str, np.ndarray]:
         planes: Dict[str, np.ndarray] = {}

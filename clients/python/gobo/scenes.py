@@ -70,6 +70,7 @@ class Scenes:
 
     def open(self, source: "str | os.PathLike[str]", name: str = "", *, timeout: Optional[float] = None) -> Scene:
         """Loads a built-in scene by name, or a file. A file that the server cannot open is uploaded (`upload`)."""
+        timeout = self._wire.until(timeout)
         text = os.fspath(source)
         file = os.path.isfile(text)
         if not file and text.lower().endswith((".glb", ".gltf")) and not os.path.isabs(text):
@@ -87,6 +88,7 @@ class Scenes:
 
         Without a name the id is made from file name and content, so a scene that is loaded is found under it.
         """
+        timeout = self._wire.until(timeout)
         try:
             if isinstance(source, (bytes, bytearray, memoryview)):
                 own = "scene" + (extension or ".glb")

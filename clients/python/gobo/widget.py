@@ -113,7 +113,7 @@ class Viewer(_Base):  # type: ignore[misc]
         self._last: Optional[Tuple[Dict[str, Any], bytes]] = None
         self._sent = 0.0
         self._waiting = False
-        self._base = self._gobo._request(scene, fields, timeout)
+        self._base = self._gobo._request(scene, fields, self._gobo._wire.until(timeout))
         if not self._base.HasField("halt"):
             self._base.halt.spp = 64
         try:

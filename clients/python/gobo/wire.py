@@ -2,6 +2,7 @@
 """The connection: channel, token, deadlines, retries. Thread-safe: any thread may call; an iterator belongs to one thread."""
 from __future__ import annotations
 
+import ipaddress
 import os
 import random
 import time
@@ -49,7 +50,12 @@ def _is_local(address: str) -> bool:
     if address.startswith(("unix:", "unix-abstract:")):
         return True
     host = address.rsplit(":", 1)[0].strip("[]")
-    return host in ("localhost", "::1") or host.startswith("127.")
+    if host == "localhost":
+        return True
+    try:   # an address, not a name that begins like one: "127.evil.example" is anybody's
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def _check_socket(address: str) -> None:
@@ -62,6 +68,20 @@ def _check_socket(address: str) -> None:
         return
     if owner not in (os.getuid(), 0):
         raise errors.PermissionDenied(f'"{address}" belongs to another user: name the server with address=')
+
+
+class Until(float):
+    """Seconds that all calls of one piece of work have together, counted from when this was made."""
+    end: float   # by time.monotonic()
+
+    def __new__(cls, seconds: float) -> "Until":
+        own = super().__new__(cls, seconds)
+        own.end = time.monotonic() + seconds
+        return own
+
+    def passes_in(self, seconds: float) -> bool:
+        """Whether it is over before a pause of `seconds` is."""
+        return time.monotonic() + seconds >= self.end
 
 
 class Wire:
@@ -102,8 +122,13 @@ class Wire:
     def _begin(self, timeout: Optional[float]) -> Optional[float]:
         if self.closed:
             raise errors.Cancelled("this client is closed")
+        until = self.until(timeout)
+        return None if until is None else until.end
+
+    def until(self, timeout: Optional[float]) -> Optional[Until]:
+        """What calls that belong together get as their `timeout`: of `timeout` seconds, else this client's; None: no end. What is one stays itself."""
         seconds = timeout if timeout is not None else self.timeout
-        return None if not seconds else time.monotonic() + seconds
+        return seconds if seconds is None or isinstance(seconds, Until) else Until(seconds)
 
     def _left(self, end: Optional[float]) -> Optional[float]:
         return None if end is None else max(end - time.monotonic(), 0.001)

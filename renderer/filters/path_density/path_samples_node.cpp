@@ -19,7 +19,7 @@ class PathSamplesNode final : public Node {
   explicit PathSamplesNode(const PathSamplesSettings& settings)
       : s_(settings), width_(s_.view.width ? s_.view.width : s_.path.width), height_(s_.view.width ? s_.view.height : s_.path.height) {}
   std::string type() const override { return "path_samples"; }
-  int version() const override { return 4; }  // 2: as path_trace 12; 3: as 13; 4: as 14
+  int version() const override { return 5; }  // 2: as path_trace 12; 3: as 13; 4: as 14; 5: as 15
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;

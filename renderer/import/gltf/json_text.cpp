@@ -105,9 +105,14 @@ class Builder final : public nlohmann::json_sax<Json> {
   /// Where it stands now. A list that grows moves none that is open: only the innermost does.
   Json& put(Json v) {
     if (open_.empty()) return root_ = std::move(v);
-    if (Json& in = *open_.back(); in.is_object()) return in[key_] = std::move(v);
-    open_.back()->push_back(std::move(v));
-    return open_.back()->back();
+    Json& in = *open_.back();
+    if (in.is_object()) {
+      Json& place = in[key_];
+      place = std::move(v);
+      return place;
+    }
+    in.push_back(std::move(v));
+    return in.back();
   }
   bool value(Json v) {
     put(std::move(v));

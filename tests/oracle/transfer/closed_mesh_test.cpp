@@ -46,7 +46,8 @@ Shell turned(Shell s) {
 
 TEST(ClosedMesh, BoxesWhereverTheyAre) {
   for (const float h : {1e-3f, 1.0f, 1e3f})
-    for (const Vec3& centre : {Vec3(0.0f), Vec3(0.1f, 0.7f, -0.3f) * h, Vec3(1e3f, -1e3f, 1e3f) * h}) EXPECT_TRUE(box(centre, h).hides()) << h << " " << centre.x;
+    for (const Vec3& centre : {Vec3(0.0f), Vec3(0.1f, 0.7f, -0.3f) * h, Vec3(1e3f, -1e3f, 1e3f) * h})
+      EXPECT_TRUE(box(centre, h).hides()) << h << " " << centre.x;
   EXPECT_TRUE(both(box(Vec3(0.0f), 1), box(Vec3(4, 0, 0), 1)).hides());
   EXPECT_TRUE(both(box(Vec3(0.0f), 1), box(Vec3(2, 2, 0), 1)).hides()) << "they share an edge";
 }

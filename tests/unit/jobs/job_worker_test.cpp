@@ -451,9 +451,7 @@ void Worker::breakItsBlob(bool opened) {
   s.mutable_request()->mutable_camera()->mutable_position()->set_z(2.5f);
   s.mutable_request()->mutable_camera()->mutable_look_at();
   const int64_t id = put(s);
-  if (!opened) {
-    ASSERT_TRUE(engine->unloadScene("scene").ok());
-  }
+  if (!opened) { ASSERT_TRUE(engine->unloadScene("scene").ok()); }
   start();
   ASSERT_TRUE(eventually([&] { return !get(id).frames(0).checkpoint().empty(); }));
   size_t cut = 0;

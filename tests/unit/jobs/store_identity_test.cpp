@@ -259,8 +259,7 @@ TEST_F(Identity, AFolderRemovedUnderADaemonTakesNoPromises) {
                 const std::vector<Status> refused = {s.submit(test::StoreFixture::makeJob(), existed).status(),
                                                      s.complete(**lease, test::StoreFixture::files("bb"), 1), s.claim("w", 30).status(), s.cancel(id + 1),
                                                      f.write(f.resultPath(id, "bb"), "bb", 2)};
-                for (size_t i = 0; i < refused.size(); ++i)
-                  EXPECT_TRUE(i == 2 || !refused[i].ok()) << i;  // nothing is ready for a claim: no promise either
+                for (size_t i = 0; i < refused.size(); ++i) EXPECT_TRUE(i == 2 || !refused[i].ok()) << i;  // nothing is ready for a claim: no promise either
                 EXPECT_EQ(refused[0].code(), Code::Unavailable) << refused[0].toString();
                 EXPECT_EQ(refused[0].location(), database());
                 EXPECT_EQ(refused[1].code(), Code::Unavailable);  // a worker repeats it

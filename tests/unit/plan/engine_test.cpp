@@ -413,6 +413,11 @@ TEST(Engine, PreemptedWorkGoesOnWhereItStopped) {
   control.progress = [&](const v1::Progress& p) {
     if (attempt < 3 && p.stage() == "path_trace") source.stop(StopReason::Preempted);
   };
+  const auto parked = [&]() -> uint64_t {
+    for (const auto& holder : engine->memory().holders())
+      if (holder->name == "stopped renders") return holder->bytes();
+    return UINT64_MAX;
+  };
   Result<RenderResult> result = internalError("not run");
   for (; attempt < 40; ++attempt) {
     source.reset();
@@ -420,8 +425,10 @@ TEST(Engine, PreemptedWorkGoesOnWhereItStopped) {
     if (result.ok()) break;
     ASSERT_EQ(result.status().code(), Code::Aborted) << result.status().toString();
     ++interruptions;
+    EXPECT_GT(parked(), 96u * 64 * 4) << "in the ledger";
   }
   ASSERT_TRUE(result.ok());
+  EXPECT_EQ(parked(), 0u);
   EXPECT_GT(interruptions, 0);
   EXPECT_EQ(nodesBy(*result, v1::NodeReport::RUN).at("path_trace").reason(), "resumed");
   EXPECT_EQ(firstDifference(*result, mustRender(*cold, r)), "");

@@ -2,7 +2,9 @@
 // Hints of what an extendable node can go on from: whoever is at it keeps his, however many others there were.
 #include <gtest/gtest.h>
 
-#include "plan/executor.h"
+#include <algorithm>
+
+#include "plan/extension_index.h"
 
 namespace gobo::testing {
 namespace {
@@ -64,6 +66,39 @@ TEST(ExtensionIndex, WhoAsksForLessTakesNothingFromWhoAskedForMore) {
   for (uint32_t blocks = 1; blocks < 100; ++blocks) index.park(recipe(0), blocks, state(int(blocks)));
   EXPECT_EQ(index.takeParked(recipe(0), 1000)->extent().width, 99);
   EXPECT_FALSE(index.takeParked(recipe(0), 50)) << "bounded";
+}
+
+TermPtr stateOf(int width) {
+  const auto term = std::make_shared<Term>("state", Domain::List, Extent{width, 1, 1});
+  (void)term->addPlane<float>("sum");
+  return term;
+}
+
+// Stopped states of large pictures are gigabytes each.
+TEST(ExtensionIndex, ParkedStatesStayWithinTheirBytes) {
+  const uint64_t one = stateOf(1000)->bytes();
+  ASSERT_GE(one, 4000u);
+  ExtensionIndex index(3 * one);
+  for (int i = 1; i <= 5; ++i) {
+    index.park(recipe(i), 4, stateOf(1000));
+    EXPECT_EQ(index.parkedBytes(), uint64_t(std::min(i, 3)) * one) << i;
+  }
+  EXPECT_FALSE(index.takeParked(recipe(2), 4));
+  EXPECT_TRUE(index.takeParked(recipe(4), 4));
+  EXPECT_EQ(index.parkedBytes(), 2 * one);
+  index.park(recipe(3), 4, stateOf(1000));  // in its own place
+  EXPECT_EQ(index.parkedBytes(), 2 * one);
+  index.park(recipe(6), 4, stateOf(10000));
+  EXPECT_EQ(index.parkedBytes(), stateOf(10000)->bytes()) << "one stays whatever it takes, or a large render would never end";
+  index.shrinkParked(one);
+  EXPECT_EQ(index.parkedBytes(), 0u);
+  EXPECT_FALSE(index.takeParked(recipe(6), 4));
+  for (int i = 1; i <= 3; ++i) index.park(recipe(i), 4, stateOf(1000));
+  index.shrinkParked(2 * one);
+  EXPECT_FALSE(index.takeParked(recipe(1), 4)) << "the oldest goes";
+  EXPECT_TRUE(index.takeParked(recipe(2), 4));
+  index.clear();
+  EXPECT_EQ(index.parkedBytes(), 0u);
 }
 
 }  // namespace

@@ -512,6 +512,67 @@ TEST(PathMedia, SplitsAddUpInVolumes) {
   }
 }
 
+/// A camera in a box of index `ior` that scatters a little, over a floor in it with a lamp above.
+void cameraInside(SceneMaker& m, float ior, LightKind kind, const Vec3& at) {
+  m.instance(
+      m.mesh(box(Vec3(-1.0f), Vec3(1.0f)), m.material(Vec3(0.9f), glass(ior, Vec3(0.8f, 0.7f, 0.6f), 2.0f, [&](Bsdf& b) { b.scatterAlbedo = Vec3(0.8f); }))));
+  m.instance(m.mesh(ground(0.99f, -0.8f), m.material(Vec3(0.5f))));
+  LightShape s;
+  s.kind = kind;
+  s.position = at;
+  if (kind == LightKind::Sphere) s.radius = 0.1f;
+  m.light(s, Vec3(3.0f));
+}
+
+// The boundary that such a camera sees first is an event when it reflects, too: light beyond is not direct.
+TEST(PathMedia, TheBoundaryAroundACameraIsItsFirstEvent) {
+  SceneMaker m;
+  cameraInside(m, 1.33f, LightKind::Point, Vec3(0.5f, -0.4f, 0.2f));
+  m.camera(Vec3(0.1f, -0.2f, 0.2f), Vec3(0.5f, 0.9f, 0.3f), 0.8f);  // upwards: the floor is in the mirror of the boundary
+  Traced t(m.finish(), 4, 4);
+  t.settings.maxBounces = 8;
+  t.settings.split = SplitMode::DirectIndirect;
+  const Measured all = estimate(t, 64);
+  EXPECT_EQ(all[1].mean, DVec3(0.0));
+  EXPECT_GT(all[2].mean.x, 1e-4);
+  t.settings.split = SplitMode::Combined;
+  DVec3 apart(0.0);
+  for (const PathClass cover : {PathClass::Emission, PathClass::Direct, PathClass::Indirect}) {
+    t.settings.cover = cover;
+    apart += estimate(t, 64)[0].mean;
+  }
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(apart[c], all[0].mean[c] + all[1].mean[c] + all[2].mean[c], 1e-5 * apart[c]);
+}
+
+// Paths that scatter before they meet a surface ask for lamps there, though it is the first surface and direct light is not wanted.
+TEST(PathMedia, IndirectLightAloneIsWholeAroundACameraInHaze) {
+  for (const LightKind kind : {LightKind::Point, LightKind::Sphere}) {
+    SceneMaker m;
+    cameraInside(m, 1.0f, kind, Vec3(0.3f, 0.4f, 0.1f));
+    m.camera(Vec3(0.1f, 0.1f, 0.6f), Vec3(0, -0.8f, 0), 0.8f);
+    Traced t(m.finish(), 4, 4);
+    t.settings.maxBounces = 8;
+    t.settings.split = SplitMode::DirectIndirect;
+    const Measured all = estimate(t, 16);
+    t.settings.split = SplitMode::Combined;
+    t.settings.cover = PathClass::Indirect;
+    const Measured alone = estimate(t, 16);
+    EXPECT_GT(all[2].mean.x, 0.001);
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(alone[0].mean[c], all[2].mean[c], 1e-5 * all[2].mean[c]) << int(kind);
+  }
+}
+
+TEST(MediumStack, ManyMaterialsHaveVolumes) {
+  MediumStack stack;
+  stack.clear();
+  for (const int volume : {7, 40000, 70000}) stack.enter(volume);
+  EXPECT_EQ(stack.top(), 70000);
+  EXPECT_TRUE(stack.holds(40000));
+  EXPECT_TRUE(stack.passes(70000, true));
+  stack.leave(70000);
+  EXPECT_EQ(stack.top(), 40000);
+}
+
 TEST(PathMedia, UnlitShowsToTheCameraAndInMirrorsButLightsNothing) {
   SceneMaker m;
   const Vec3 paint(0.9f, 0.3f, 0.1f);

@@ -417,6 +417,36 @@ TEST(Straight, ClassesOfPathsAgreeBehindPanes) {
   }
 }
 
+// A pane that is half paint has light of lamps at an event of its own, whichever way the path goes on: straight through, which is no event, too.
+TEST(Straight, LightAtHalfClearPanesIsOfTheirOwnEvent) {
+  SceneMaker m;
+  m.instance(m.mesh(ground(4.0f), m.material(Vec3(0.6f))));
+  m.instance(m.mesh(ground(4.0f, 1.0f), m.material(Vec3(0.7f), pane(1.5f, [](Bsdf& b) { b.transmission = 0.5f; }))));
+  LightShape s;
+  s.kind = LightKind::Point;
+  s.position = Vec3(0.4f, 0.6f, 0.1f);
+  m.light(s, Vec3(2.0f));
+  m.camera(Vec3(0, 0.9f, 0.5f), Vec3(0, 0, -0.2f), 0.8f);  // below the pane: only after the floor is it met
+  Traced t(m.finish(), 3, 3);
+  const auto traced = [&](PathClass cover, SplitMode split, int bounces) {
+    t.settings.cover = cover;
+    t.settings.split = split;
+    t.settings.maxBounces = bounces;
+    return estimate(t, 16).slots;
+  };
+  const auto direct = traced(PathClass::Direct, SplitMode::Combined, 0);
+  EXPECT_GT(direct[0].mean.x, 0.01);
+  for (const SplitMode split : {SplitMode::DirectIndirect, SplitMode::ByBounce}) {
+    const auto all = traced(PathClass::All, split, 8);
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(all[1].mean[c], direct[0].mean[c], 1e-6 * direct[0].mean[c]) << int(split);
+    EXPECT_GT(all[2].mean.x, 0.01);
+  }
+  const auto indirect = traced(PathClass::Indirect, SplitMode::ByLobe, 8), whole = traced(PathClass::All, SplitMode::Combined, 8);
+  EXPECT_EQ(indirect[1].mean, DVec3(0.0));
+  EXPECT_EQ(indirect[2].mean, DVec3(0.0));
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(indirect[3].mean[c] + indirect[4].mean[c] + direct[0].mean[c], whole[0].mean[c], 1e-5 * whole[0].mean[c]);
+}
+
 TEST(Straight, SceneAndTableAgreeOnWhoAsks) {
   const auto asked = [](const std::function<void(Material&)>& change) {
     SceneMaker m;
