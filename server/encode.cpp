@@ -329,6 +329,7 @@ Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
         pixels.data = shown.data;
         made = format == v1::Encoding::PNG ? encodePng(shown.image, pixels) : encodeJpeg(shown.image, pixels);
         channels = channelNames(shown.image.names, shown.image.channels);
+        if (format == v1::Encoding::JPEG && channels.size() > 3) channels.resize(3);  // it has no alpha
         break;
       }
       case v1::Encoding::RAW_FLOAT: one.bytes = rawBytes(rendered.pixels(), false); break;

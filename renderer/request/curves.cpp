@@ -68,7 +68,8 @@ void evaluateCurve(const v1::Curve& curve, int width, double time, double* out) 
     return;
   }
   const int left = right - 1;
-  const double h = t[right] - t[left], s = (time - t[left]) / h;
+  // Times are any finite numbers: the distance of two may be beyond the largest, and a slope between two.
+  const double h = t[right] - t[left], s = std::isfinite(h) ? (time - t[left]) / h : (0.5 * time - 0.5 * t[left]) / (0.5 * t[right] - 0.5 * t[left]);
   for (int c = 0; c < width; ++c) {
     const double a = at(left, c), b = at(right, c);
     if (curve.interpolation() != v1::Curve::SMOOTH) {
@@ -79,7 +80,7 @@ void evaluateCurve(const v1::Curve& curve, int width, double time, double* out) 
     const double d = slope(left), hBefore = left > 0 ? t[left] - t[left - 1] : 0.0, hAfter = right + 1 < keys ? t[right + 1] - t[right] : 0.0;
     const double m0 = slopeAt(hBefore, left > 0 ? slope(left - 1) : 0.0, h, d), m1 = slopeAt(h, d, hAfter, right + 1 < keys ? slope(right) : 0.0);
     const double cubic = a + h * m0 * s + s * s * ((3.0 * (b - a) - h * (2.0 * m0 + m1)) + s * (2.0 * (a - b) + h * (m0 + m1)));
-    out[c] = std::clamp(cubic, std::min(a, b), std::max(a, b));  // by rounding alone
+    out[c] = std::isfinite(cubic) ? std::clamp(cubic, std::min(a, b), std::max(a, b)) : a + (b - a) * s;  // beyond them by rounding alone
   }
 }
 

@@ -172,7 +172,7 @@ grpc::Status FarmService::Hold(grpc::ServerContext* context, const v1::HoldReque
     }
     reply->set_state(*state);
     if (request->progress() > 0 && request->progress() <= 1)
-      core_.durable->hub().setLive(lease.task, {lease.frame, request->progress(), lease.progress, request->spp()});
+      core_.durable->hub().setLive(lease.task, {lease.frame, request->progress(), lease.progress, request->spp(), lease.token});
     return grpc::Status::OK;
   });
 }
@@ -274,7 +274,7 @@ Status FarmService::put(Rpc& rpc, grpc::ServerReader<v1::PutFarmFileRequest>& re
   if (!isDigest(begin.digest(), digits)) return invalidArgument(strf("must be %zu lower-case hex digits", digits), "begin.digest");
   if (const uint64_t most = 4 * core_.live()->imageBytes; begin.bytes() > most)
     return Status(
-        Code::ResourceExhausted,
+        Code::OutOfRange,  // of the frame, for good: trying again does not help
         strf("= %llu: a file of a worker has at most %llu bytes (four times limits.image_bytes)", (unsigned long long)begin.bytes(), (unsigned long long)most),
         "begin.bytes");
   ReceivedFile file(begin.digest(), begin.bytes());

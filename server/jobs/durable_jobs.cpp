@@ -14,8 +14,8 @@ namespace gobo {
 inline namespace jobs {
 
 namespace {
-constexpr int kResultsEvery = 60, kSweepEvery = 3600;  // seconds
-constexpr double kSweepAge = 86400;                    // of files beside living daemons
+constexpr int kResultsEvery = 60, kLiveEvery = 60, kSweepEvery = 3600;  // seconds
+constexpr double kSweepAge = 86400;                                     // of files beside living daemons
 }  // namespace
 
 Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunner& runner, const ServerConfig& config) {
@@ -87,9 +87,21 @@ void DurableJobs::mind() {
   const auto expired = store_->expireLeases();
   if (!expired.ok()) logWarn("jobs: %s", expired.status().toString().c_str());
   if (expired.ok() && *expired) hub_.steered();
+  if (second_ % kLiveEvery == 0 || (expired.ok() && *expired)) mindLive();
   if (second_ % kResultsEvery == 0) mindResults();
   if (second_ % kSweepEvery == kSweepEvery - 1) (void)files_.sweep(*store_, kSweepAge);
   ++second_;
+}
+
+/// Progress of frames whose worker is gone, or that others have ended: nobody else takes it away.
+void DurableJobs::mindLive() {
+  for (const auto& [task, live] : hub_.live()) {
+    Lease lease;
+    lease.task = task;
+    lease.token = live.token;
+    const Code code = store_->check(lease).status().code();
+    if (code == Code::FailedPrecondition || code == Code::NotFound) hub_.clearLive(task, live.token);
+  }
 }
 
 void DurableJobs::mindResults() {

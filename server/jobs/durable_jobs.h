@@ -41,6 +41,7 @@ class DurableJobs {
   DurableJobs() = default;
   void mind();
   void mindResults();
+  void mindLive();
   uint64_t keepBytes_ = 0;
   double keepSeconds_ = 0;
   Engine* engine_ = nullptr;

@@ -108,6 +108,19 @@ void JobHub::clearLive(TaskId task) {
   live_.erase(task);
 }
 
+void JobHub::clearLive(TaskId task, uint64_t token) {
+  const std::lock_guard lock(mutex_);
+  if (const auto at = live_.find(task); at != live_.end() && at->second.token == token) {
+    tell(at->first.job);
+    live_.erase(at);
+  }
+}
+
+std::map<TaskId, JobHub::Live> JobHub::live() const {
+  const std::lock_guard lock(mutex_);
+  return live_;
+}
+
 std::map<TaskId, JobHub::Live> JobHub::live(int64_t job) const {
   const std::lock_guard lock(mutex_);
   return {live_.lower_bound({job, INT64_MIN}), live_.upper_bound({job, INT64_MAX})};

@@ -19,7 +19,8 @@ class JobHub {
     int64_t frame = 0;
     double progress = 0, stored = 0;
     uint32_t spp = 0;
-  };  ///< stored: what the store's row says
+    uint64_t token = 0;
+  };  ///< stored: what the store's row says; token: of the lease
 
   /// Something of any job, or of `job` alone: only those who wait for that one wake, and the workers.
   void changed();
@@ -56,6 +57,9 @@ class JobHub {
 
   void setLive(TaskId task, const Live& live);
   void clearLive(TaskId task);
+  /// The same, if it is still that of the lease.
+  void clearLive(TaskId task, uint64_t token);
+  std::map<TaskId, Live> live() const;
   std::map<TaskId, Live> live(int64_t job) const;
   /// Adds live progress to the job, and to its frames if there are any.
   void overlay(JobRecord& record) const;

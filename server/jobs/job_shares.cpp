@@ -15,7 +15,7 @@ void JobShares::retain(const std::vector<std::string>& active) {
   double least = std::numeric_limits<double>::infinity();
   for (const auto& [name, c] : clients_)
     if (names.count(name)) least = std::min(least, c.virtualTime);
-  std::erase_if(clients_, [&](const auto& c) { return !names.count(c.first); });
+  std::erase_if(clients_, [&](const auto& c) { return !names.count(c.first) && !(c.second.virtualTime > least); });
   for (const std::string& name : names) clients_.try_emplace(name, Client{std::isfinite(least) ? least : 0, 0});
 }
 

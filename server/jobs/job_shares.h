@@ -16,7 +16,7 @@ inline namespace jobs {
 
 class JobShares {
  public:
-  /// Forgets clients that have no job.
+  /// Forgets clients that have no job, once the others have had as much: a client that submits frame by frame would come back as one that had nothing.
   void retain(const std::vector<std::string>& active);
   /// The client that is to be served first, first; equal ones by when they were served last, then by name.
   void order(std::vector<std::string>& clients) const;

@@ -235,8 +235,8 @@ Status SqlJobStore::fail(const Lease& lease, const FailedReport& report) {
                    .bind(revision)
                    .run());
     }
-    // What a frame in parts is put together from is not there: it is rendered again.
-    if (row.parts && !row.place.part && report.reason.code() == Code::DataLoss && !last) GOBO_TRY(partsAgain(lease.task, row, revision));
+    // What a frame in parts is put together from is not there: it is rendered again, where this was the last try when the job is retried.
+    if (row.parts && !row.place.part && report.reason.code() == Code::DataLoss) GOBO_TRY(partsAgain(lease.task, row, revision));
     if (report.wholeJob) return endJob(lease.task.job, v1::Job::FAILED, report.reason, revision);
     if (!last) return idle(lease.task.job, revision);
     GOBO_TRY(setFailure(lease.task, report.reason, revision));

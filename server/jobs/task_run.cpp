@@ -99,7 +99,7 @@ bool TaskRun::tick() {
   }
   if (const double p = progress_.load(); std::abs(p - shown_) >= 0.005) {
     shown_ = p;
-    w_.hub_.setLive(lease_.task, {lease_.frame, p, storedProgress_, spp_.load()});
+    w_.hub_.setLive(lease_.task, {lease_.frame, p, storedProgress_, spp_.load(), lease_.token});
   }
   return end() == End::Lost || (end() == End::Release && !inSlot_.load());
 }
@@ -221,6 +221,7 @@ Status TaskRun::renderPicture(const v1::RenderRequest& request) {
   const auto found = w_.scenes_.get(record_);
   if (!found.ok()) {
     sceneFault_ = true;
+    inputFault_ = !w_.options_.delivers;  // a worker elsewhere has them of its coordinator, which may be away
     return found.status();
   }
   scene_ = found->scene;
@@ -239,7 +240,7 @@ Status TaskRun::report(const char* what, const std::function<Status()>& attempt)
     // behind is cleared, and then what it says of is another's.
     const bool over = end() == End::Lost;
     const Status status = attempt();
-    if (status.ok() || status.code() == Code::FailedPrecondition || status.code() == Code::DataLoss) return status;
+    if (status.ok() || status.code() == Code::FailedPrecondition || status.code() == Code::DataLoss || status.code() == Code::OutOfRange) return status;
     if (over) return {Code::FailedPrecondition, "its lease is over"};
     ++w_.stats_.repeatedReports;
     logWarn("jobs: %s of %s frame %lld, attempt %d: %s", what, jobIdText(lease_.task.job).c_str(), (long long)lease_.frame, n, status.toString().c_str());
@@ -281,7 +282,7 @@ void TaskRun::run() {
   nextRenew_ = in(lasts / 3);
   keeper_.start(std::chrono::milliseconds(std::max(int64_t(std::min(lasts / 15, kKeep) * 1e3), int64_t(1))), [this] { renewIfDue(); });
   progress_ = storedProgress_ = lease_.progress;
-  w_.hub_.setLive(lease_.task, {lease_.frame, storedProgress_, storedProgress_, 0});
+  w_.hub_.setLive(lease_.task, {lease_.frame, storedProgress_, storedProgress_, 0, lease_.token});
   std::vector<EncodedImage> images;
   Status status = render(images);
   if (status.ok()) status = deliver(images);
@@ -302,7 +303,8 @@ void TaskRun::finish(const Status& status) {
             (unsigned long long)checkpoints_->resumed());
     return;
   }
-  const bool transient = status.code() == Code::Cancelled || status.code() == Code::Unavailable;  // asked for, or the daemon's own state
+  // Asked for, or the daemon's own state.
+  const bool transient = status.code() == Code::Cancelled || (status.code() == Code::Unavailable && (!inputFault_ || w_.stopping_.load()));
   if (end() == End::Lost || (!transient && !w_.store_.check(lease_).ok() && w_.store_.check(lease_).status().code() == Code::FailedPrecondition)) {
     ++w_.stats_.lost;
     if (checkpoints_) {

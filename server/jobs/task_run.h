@@ -51,6 +51,7 @@ class TaskRun {
   double storedProgress_ = 0, shown_ = -1;
   Clock::time_point lastCheckpoint_ = Clock::now(), begun_ = Clock::now();
   bool sceneFault_ = false;
+  bool inputFault_ = false;         // of files that this daemon reads: another try is one of the frame's, or one that nobody can read would be tried for ever
   double checkpointSeconds_ = 0;    // what gap_ was made of
   std::atomic<double> gap_{0};      // seconds between checkpoints
   Clock::time_point flushAfter_{};  // a failed write is tried again then

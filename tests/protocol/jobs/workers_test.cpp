@@ -63,6 +63,21 @@ TEST_F(FarmCalls, FramesInPartsHaveTheBytesOfWholeOnes) {
   for (int i = 0; i < 3; ++i) EXPECT_EQ(filesUnder(folder + "/w" + std::to_string(i) + "/cache/results"), 0u);
 }
 
+// Said as what no repetition mends: a worker would send it again and again, and hold the frame.
+TEST_F(FarmCalls, AFileThatIsTooLargeIsTheFramesOwnFault) {
+  submit(spec(4, 1));
+  Played played(*farm);
+  const v1::ClaimReply claimed = claim(played.id);
+  ASSERT_TRUE(claimed.has_lease());
+  v1::PutFarmFileRequest::Begin begin;
+  *begin.mutable_lease() = claimed.lease();
+  begin.set_digest(std::string(64, 'a'));
+  begin.set_bytes(1ull << 60);
+  const grpc::Status refused = put(begin, "x");
+  EXPECT_EQ(refused.error_code(), grpc::OUT_OF_RANGE) << refused.error_message();
+  EXPECT_NE(refused.error_message().find("limits.image_bytes"), std::string::npos) << refused.error_message();
+}
+
 TEST_F(FarmCalls, PartsAreSentToWhoeverHasTheirFrame) {
   v1::JobSpec s = spec(4, 1);
   s.set_tile_px(16);
@@ -273,6 +288,23 @@ TEST_F(FarmProgress, TimesAreThoseOfTheCoordinatorThatIsThere) {
   cancel.set_id(job.id());
   ASSERT_TRUE(jobs->Cancel(&context, cancel, &reply).ok());
   EXPECT_TRUE(eventually([&] { return list().at(0).running() == 0; }));
+}
+
+// It goes with the lease: a worker that is gone takes nothing back itself.
+TEST_F(FarmProgress, OfAWorkerThatIsGoneIsTakenAway) {
+  config.jobsLeaseSeconds = 1;
+  ASSERT_NO_FATAL_FAILURE(restart());
+  const v1::Job job = submit(spec(4, 1));
+  Played played(*farm);
+  const v1::ClaimReply claimed = claim(played.id);
+  ASSERT_TRUE(claimed.has_lease());
+  v1::HoldRequest hold;
+  *hold.mutable_lease() = claimed.lease();
+  hold.set_progress(0.6);
+  v1::HoldReply held;
+  ASSERT_TRUE(call(&v1::Farm::Stub::Hold, hold, &held).ok());
+  EXPECT_TRUE(eventually([&] { return get(job.id()).frames(0).state() == v1::Frame::QUEUED; }));
+  EXPECT_TRUE(eventually([&] { return get(job.id()).progress() == 0; })) << get(job.id()).ShortDebugString();
 }
 
 // Of a part that runs only its share of the frame shows, in the job alone and in the list of all.

@@ -372,6 +372,35 @@ TEST_P(PartsStore, APartWhoseFileIsLostIsRenderedAgain) {
   EXPECT_EQ(*store->integrity(), "ok");
 }
 
+// With one try the frame fails, and a retry of the job renders what is lost.
+TEST_P(PartsStore, APartWhoseFileIsLostAtTheLastTryIsRenderedByARetry) {
+  NewJob job = split(1, 2);
+  job.spec.set_max_attempts(1);
+  const int64_t id = submit(job);
+  for (int round = 0; round < 2; ++round) {
+    std::vector<Lease> parts;
+    for (int i = 0; i < 2; ++i) {
+      const auto lease = claim();
+      ASSERT_TRUE(lease && lease->task.index > 0) << round;
+      parts.push_back(*lease);
+    }
+    for (const Lease& lease : parts) EXPECT_TRUE(store->complete(lease, partFile(lease), 1).ok());
+    const auto frame = claim();
+    ASSERT_TRUE(frame && frame->task.index == 0);
+    if (round == 1) {
+      EXPECT_TRUE(store->complete(*frame, files("a"), 1).ok());
+      break;
+    }
+    EXPECT_TRUE(store->fail(*frame, {{Code::DataLoss, "a part's file is damaged"}, true, false}).ok());
+    EXPECT_EQ(get(id).state(), v1::Job::FAILED);
+    EXPECT_FALSE(claim());
+    EXPECT_EQ(*store->integrity(), "ok");
+    ASSERT_TRUE(store->retry(id).ok());
+  }
+  EXPECT_EQ(get(id).state(), v1::Job::DONE);
+  EXPECT_EQ(*store->integrity(), "ok");
+}
+
 TEST_P(PartsStore, LostWorkersOfAPartSetItsFrameAside) {
   options.maxLosses = 3;
   open();

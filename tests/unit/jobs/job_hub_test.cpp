@@ -65,6 +65,20 @@ TEST(JobHub, LiveProgressIsForWatchersAlone) {
   EXPECT_NE(seen, before);
 }
 
+TEST(JobHub, ProgressGoesWithItsLease) {
+  JobHub hub;
+  JobHub::Watch watch(hub, 1);
+  hub.setLive({1, 0}, {0, 0.5, 0, 3, 8});
+  EXPECT_TRUE(watch.wait(kLong));
+  hub.clearLive({1, 0}, 7);  // an older one's
+  hub.clearLive({1, 1}, 8);
+  EXPECT_EQ(hub.live().size(), 1u);
+  EXPECT_FALSE(watch.wait(kNow));
+  hub.clearLive({1, 0}, 8);
+  EXPECT_TRUE(hub.live().empty());
+  EXPECT_TRUE(watch.wait(kLong));
+}
+
 TEST(JobHub, AWatchBeginsWithWhatComesAfter) {
   JobHub hub;
   hub.changed(1);

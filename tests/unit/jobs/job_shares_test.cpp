@@ -76,6 +76,25 @@ TEST_P(JobSharesTest, SecondsAreShared) {
   EXPECT_NEAR(slow / quick, 1, 0.15);
 }
 
+// Nor is having no job for a moment a way to have had nothing.
+TEST_P(JobSharesTest, WhoSubmitsFrameByFramePaysForEach) {
+  add("quick", 300);
+  add("slow", 1);
+  double slow = 0, quick = 0;
+  bool waiting = true;
+  for (int i = 0; i < 200; ++i) {
+    const auto lease = store->claim("w", 1000);
+    ASSERT_TRUE(lease.ok() && *lease);
+    const bool isSlow = owner[(*lease)->task.job] == "slow";
+    time += isSlow ? 30 : 2;
+    (isSlow ? slow : quick) += isSlow ? 30 : 2;
+    ASSERT_TRUE((isSlow ? store->complete(**lease, files("a"), 30) : store->release(**lease)).ok());
+    if (!isSlow && !waiting) add("slow", 1);  // after a frame of the other's
+    waiting = !isSlow;
+  }
+  EXPECT_NEAR(slow / quick, 1, 0.25);
+}
+
 TEST_P(JobSharesTest, IdleTimeIsNotSavedUp) {
   add("busy", 1000);
   for (int i = 0; i < 50; ++i) EXPECT_EQ(next(10), "busy");

@@ -479,6 +479,51 @@ void Worker::breakItsBlob(bool opened) {
 TEST_F(Worker, AFrameWhoseBlobBreaksIsDoneAgainRight) { breakItsBlob(true); }
 TEST_F(Worker, AFrameWhoseOwnBlobBreaksIsDoneAgainRight) { breakItsBlob(false); }
 
+/// Files of one client's jobs cannot be read.
+struct BrokenMount final : TaskScenes {
+  TaskScenes& good;
+  std::atomic<int> asked{0};
+  explicit BrokenMount(TaskScenes& scenes) : good(scenes) {}
+  Result<TaskScene> get(const JobRecord& record) override {
+    if (record.job.spec().request().seed() != 13) return good.get(record);
+    ++asked;
+    return Status(Code::Unavailable, "map.hdr: Input/output error");
+  }
+};
+
+// An input that cannot be read is a failure of the frame, after which others have their turn, not a reason to give the frame back and take it again at once.
+TEST_F(Worker, AnInputThatCannotBeReadIsTriedAsOftenAsTheJobSays) {
+  options.retrySeconds = 0.05;
+  open();
+  BrokenMount mount(*scenes);
+  v1::JobSpec broken = spec(4, 13);
+  broken.set_max_attempts(2);
+  const int64_t a = put(broken), b = put(spec(4));
+  workerOptions.workers = 1;
+  worker = std::make_unique<JobWorker>(*engine, *runner, *store, files_, mount, hub, workerOptions);
+  ASSERT_TRUE(over(b));
+  EXPECT_EQ(result(b), expected(spec(4)));
+  ASSERT_TRUE(over(a));
+  const v1::Job failed = get(a);
+  EXPECT_EQ(failed.state(), v1::Job::FAILED);
+  EXPECT_EQ(failed.frames(0).attempts(), 2u);
+  EXPECT_EQ(mount.asked.load(), 2);
+  EXPECT_NE(failed.frames(0).error().message().find("Input/output error"), std::string::npos) << failed.ShortDebugString();
+}
+
+// Elsewhere it means that the coordinator is away: whoever is back goes on.
+TEST_F(Worker, ARemoteWorkerGivesBackWhatItCannotHaveNow) {
+  BrokenMount mount(*scenes);
+  const int64_t a = put(spec(4, 13));
+  workerOptions.workers = 1;
+  workerOptions.delivers = [](const Lease&, const std::vector<v1::FrameFile>&) {};
+  worker = std::make_unique<JobWorker>(*engine, *runner, *store, files_, mount, hub, workerOptions);
+  ASSERT_TRUE(eventually([&] { return mount.asked.load() > 3; }));
+  worker.reset();
+  EXPECT_EQ(get(a).frames(0).state(), v1::Frame::QUEUED);
+  EXPECT_EQ(get(a).state(), v1::Job::QUEUED);
+}
+
 TEST_F(Worker, APatchedSceneIsNotTheJobs) {
   const v1::JobSpec s = spec(16);
   const int64_t id = put(s);

@@ -47,6 +47,20 @@ TEST(Curves, LinearStepAndTheirEnds) {
   EXPECT_EQ(v[2], 250.0);
 }
 
+TEST(Curves, KeysVeryCloseAndVeryFarApart) {
+  const v1::Curve close = curve({0, 1e-310, 1}, {3, 7, 3}, v1::Curve::SMOOTH);
+  EXPECT_EQ(at(close, 0), 3.0);
+  for (const double t : {1e-311, 5e-311, 1e-310, 1e-300, 0.5}) {
+    EXPECT_GE(at(close, t), 3.0) << t;
+    EXPECT_LE(at(close, t), 7.0) << t;
+  }
+  for (const auto how : {v1::Curve::LINEAR, v1::Curve::SMOOTH}) EXPECT_EQ(at(curve({-1.7e308, 1.7e308}, {20, 100}, how), 0), 60.0);
+  v1::RenderRequest r;
+  (*r.mutable_curves())["integrator.max_bounces"] = close;
+  ASSERT_TRUE(applyCurves(r).ok());
+  EXPECT_EQ(r.integrator().max_bounces(), 3u);
+}
+
 TEST(Curves, SmoothIsALineOnLinesAndNeverBeyondItsKeys) {
   const v1::Curve line = curve({0, 1, 3, 3.5}, {5, 7, 11, 12}, v1::Curve::SMOOTH);
   for (double t = 0; t <= 3.5; t += 0.1) EXPECT_NEAR(at(line, t), 5 + 2 * t, 1e-12) << t;

@@ -151,6 +151,18 @@ TEST(Encode, SeveralOutputsAreSeveralImages) {
 }
 
 // PNG applies the sRGB curve: data outputs must come back as the numbers they were.
+TEST(Encode, AJpegSaysTheChannelsThatItHas) {
+  for (const auto& [format, channels] : {std::pair(v1::Encoding::JPEG, 3), std::pair(v1::Encoding::PNG, 4)}) {
+    RenderResult result = resultOf("beauty", ramp(16, 8, 4), format);
+    const auto files = encodeImages(result);
+    ASSERT_TRUE(files.ok()) << files.status().toString();
+    EXPECT_EQ(files->at(0).descriptor.channels_size(), channels);
+    const auto read = readImageFromMemory(files->at(0).bytes.data(), files->at(0).bytes.size(), "picture");
+    ASSERT_TRUE(read.ok()) << read.status().toString();
+    EXPECT_EQ(read->channels, channels);
+  }
+}
+
 TEST(Encode, NormalsAndAlphaReachThePngUncurved) {
   Image normal(3, 1, 3);
   normal.data = {0, 0, 1, -1, 0, 0, 0.5f, -0.5f, 0.70710678f};
