@@ -19,6 +19,7 @@ class AmbientLightNode final : public Node {
  public:
   explicit AmbientLightNode(const AmbientLightSettings& s) : s_(s) {}
   std::string type() const override { return "ambient_light"; }
+  int version() const override { return 2; }  // 2: directions to extended surfaces from the G-buffer's points
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;
