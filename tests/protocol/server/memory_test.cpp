@@ -92,9 +92,7 @@ TEST_F(Memory, EverythingTogetherHasALimit) {
     uint64_t sum = 0;
     for (const auto& [caller, bytes] : h.callers()) sum += bytes;
     if (h.name() == "scenes") EXPECT_EQ(sum, h.bytes());
-    if (h.name() == "stopped renders") {
-      EXPECT_EQ(h.limit(), config.storeBytes / 2);
-    }
+    if (h.name() == "stopped renders") { EXPECT_EQ(h.limit(), config.storeBytes / 2); }
   }
   EXPECT_EQ(holders.size(), 9u);
 }
