@@ -17,6 +17,7 @@ class HiddenSurfaceNode final : public Node {
  public:
   explicit HiddenSurfaceNode(const GBufferSettings& s) : s_(s) {}
   std::string type() const override { return "hidden_surface"; }
+  int version() const override { return 2; }  // 2: rays begin nearer to the surface
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::Shading;
@@ -158,7 +159,7 @@ class HiddenSurfaceNode final : public Node {
     void beyond(int i, const Ray& along, const Vec3& p, const Vec3& n, float depth) {
       view[i] = along;
       ray[i] = along;
-      ray[i].origin = offsetOrigin(p, -n, accel.unit());
+      ray[i].origin = offsetOrigin(p, -n, accel.reach());
       ray[i].tmin = 0.0f;
       if (along.tmax < CameraOptics::kNoEnd) ray[i].tmax = std::max(along.tmax - depth, 0.0f);
     }

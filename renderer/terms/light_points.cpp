@@ -147,7 +147,7 @@ bool LightPoints::sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, L
 
 Ray shadowRay(const Accel& accel, const Vec3& p, const Vec3& Ng, const LightPoint& point) {
   Ray ray;
-  ray.origin = offsetOrigin(p, Ng, accel.unit());
+  ray.origin = offsetOrigin(p, Ng, accel.reach());
   if (point.distance >= 3.0e38f) {
     ray.direction = point.direction;
     return ray;

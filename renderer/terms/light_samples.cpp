@@ -19,6 +19,7 @@ class LightSamplesNode final : public Node {
     GOBO_CHECK(s.bands.rims.empty() || s.bands.rims.back() == 0.0f);
   }
   std::string type() const override { return "light_samples"; }
+  int version() const override { return 2; }  // 2: rays begin nearer to the surface
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::LightShape;

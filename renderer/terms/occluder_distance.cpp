@@ -15,7 +15,7 @@ class OccluderDistanceNode final : public Node {
  public:
   explicit OccluderDistanceNode(const Extent& e) : extent_(e) {}
   std::string type() const override { return "occluder_distance"; }
-  int version() const override { return 1; }
+  int version() const override { return 2; }  // 2: as visibility 3
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::LightShape;

@@ -25,7 +25,7 @@ class ShadowSlopesNode final : public Node {
  public:
   explicit ShadowSlopesNode(const ShadowSlopesSettings& s) : s_(s) {}
   std::string type() const override { return "shadow_slopes"; }
-  int version() const override { return 2; }  // 2: points of a screen sequence, rays in packets
+  int version() const override { return 3; }  // 2: points of a screen sequence, rays in packets; 3: as visibility
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = facets(s_.clear);
@@ -184,7 +184,7 @@ class ShadowAdaptiveNode final : public Node {
  public:
   explicit ShadowAdaptiveNode(const ShadowAdaptiveSettings& s) : s_(s) {}
   std::string type() const override { return "shadow_adaptive"; }
-  int version() const override { return 2; }  // 2: as shadow_slopes
+  int version() const override { return 3; }  // as shadow_slopes
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = facets(s_.clear);

@@ -20,7 +20,7 @@ class VisibilityNode final : public Node {
  public:
   explicit VisibilityNode(const VisibilitySettings& s) : s_(s) { GOBO_CHECK_GT(s.samples, 0u); }
   std::string type() const override { return "visibility"; }
-  int version() const override { return 2; }  // 2: in packets
+  int version() const override { return 3; }  // 2: in packets; 3: rays begin nearer to the surface
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::LightShape;

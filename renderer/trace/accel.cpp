@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/accel.h"
 
-#include <bit>
 #include <cstdlib>
 
 #include "base/check.h"
@@ -96,6 +95,7 @@ Accel::Accel() : impl_(std::make_unique<Impl>()) {}
 Accel::~Accel() = default;
 size_t Accel::bytes() const { return impl_->bytes; }
 float Accel::unit() const { return impl_->unit; }
+Vec3 Accel::reach() const { return impl_->reach; }
 
 Accel::Impl::~Impl() {
   if (scene) rtcReleaseScene(scene);
@@ -138,6 +138,7 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
   std::vector<std::vector<Vec3>> objectPositions(meshes.size());
   const auto instanced = [&](size_t mesh) { return uses[mesh] > 1 && meshes[mesh].triangles() * (uses[mesh] - 1) > kMaxCopiedTriangles; };
   std::vector<float> largest(instances.size(), 0.0f);
+  std::vector<Vec3> reach(instances.size(), Vec3(0.0f));
   const bool copied = arena.parallelFor(
       instances.size(), 1,
       [&](size_t begin, size_t end) {
@@ -155,11 +156,15 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
           std::vector<Vec3>& out = impl.worldPositions[i];
           if (g.world) { out.reserve(mesh.positions.size() + 1); }
           const bool identity = g.toWorld == Mat4(1.0f);
+          Vec3 world(0.0f), local(0.0f);
           for (const Vec3& p : mesh.positions) {
             const Vec3 q = identity ? p : Vec3(g.toWorld * Vec4(p, 1.0f));
-            largest[i] = std::fmax(largest[i], std::fmax(std::fabs(q.x), std::fmax(std::fabs(q.y), std::fabs(q.z))));
+            world = glm::max(world, glm::abs(q));
+            local = glm::max(local, glm::abs(p));
             if (g.world) out.push_back(q);
           }
+          largest[i] = std::fmax(world.x, std::fmax(world.y, world.z));
+          reach[i] = g.world ? world : instanceReach(g.toWorld, local, world);
           if (g.world) {
             out.push_back(Vec3(0.0f));
             g.positions = out.data();
@@ -171,6 +176,11 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
   float most = 0.0f;
   for (float l : largest) most = std::fmax(most, l);
   impl.unit = coordinateUnit(most);
+  impl.reach = Vec3(0.0f);
+  for (const Vec3& r : reach) impl.reach = glm::max(impl.reach, r);
+  // A plane through the origin has no coordinates across it, and nothing at all may be asked for a step.
+  const float least = std::fmax(impl.reach.x, std::fmax(impl.reach.y, impl.reach.z));
+  if (!(least > 0.0f) || !std::isfinite(least)) impl.reach = Vec3(1.0f);
 
   impl.meshScenes.assign(meshes.size(), nullptr);
   bool complete = true;
@@ -301,17 +311,6 @@ uint32_t Accel::occluded16(const Ray* rays, int count) const {
   uint32_t blocked = 0;
   for (int i = 0; i < count; ++i) blocked |= uint32_t(r.tfar[i] < 0.0f) << i;
   return blocked;
-}
-
-Vec3 offsetOrigin(const Vec3& p, const Vec3& n, float unit) {
-  const float nearZero = unit * (1.0f / 32.0f), step = unit * (1.0f / 65536.0f);
-  Vec3 out;
-  for (int c = 0; c < 3; ++c) {
-    const int32_t ulps = int32_t(256.0f * n[c]);
-    const int32_t bits = std::bit_cast<int32_t>(p[c]);
-    out[c] = std::fabs(p[c]) < nearZero ? p[c] + step * n[c] : std::bit_cast<float>(bits + (p[c] < 0.0f ? -ulps : ulps));
-  }
-  return out;
 }
 
 }  // namespace trace

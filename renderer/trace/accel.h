@@ -68,8 +68,9 @@ class Accel {
   uint32_t occluded16(const Ray* rays, int count) const;
   size_t bytes() const;
   /// The size of the scene's coordinates: a power of two not below the largest absolute coordinate (1 when empty).
-  /// What offsetOrigin takes as `unit`.
   float unit() const;
+  /// At least what offsetOrigin() takes as `reach` for any point of the scene, by axis; 1 when empty.
+  Vec3 reach() const;
   struct Impl;
   const Impl& impl() const { return *impl_; }
 
@@ -110,11 +111,20 @@ class AccelCache {
   uint64_t builds_ = 0;
 };
 
-/// Moves a ray origin off the surface by an amount that scales with the coordinates (Waechter & Binder 2019, "A Fast and
-/// Robust Method for Avoiding Self-Intersection"): 256 ulp along n per component, and n * unit / 65536 for components below
-/// unit / 32. n must be unit and point to the side that the ray leaves to. `unit` is the size of the scene's coordinates
-/// (Accel::unit; the paper has 1), which makes the near-zero part follow the scene's scale.
-Vec3 offsetOrigin(const Vec3& p, const Vec3& n, float unit = 1.0f);
+/// p moved to the side of `side` (unit, the geometric normal or its opposite) past every point that rounding could have put on the wrong side of its
+/// triangle (pbrt-v4 section 6.8.6, with room for Embree's own rounding: 2.5 units in the last place at least). `reach`: the sum of the absolute values
+/// that went into p, or a bound of it: of a point that nothing more is known of, Accel::reach(). It moves by 1.3e-6 of the largest coordinate at most.
+inline Vec3 offsetOrigin(const Vec3& p, const Vec3& side, const Vec3& reach) {
+  // The second part is for planes along an axis: Embree takes t = 0 for a hit, and rounding of its normal counts there.
+  const float d = 6e-7f * glm::dot(glm::abs(side), reach) + 3e-7f * std::max(reach.x, std::max(reach.y, reach.z));
+  return p + side * d;
+}
+/// `reach` of a point of Embree's instances, from that of the point in object space: Embree takes the ray there and back, the translation counts twice.
+inline Vec3 instanceReach(const Mat4& toWorld, const Vec3& local, const Vec3& world) {
+  return 2.0f * (glm::abs(Vec3(toWorld[0])) * local.x + glm::abs(Vec3(toWorld[1])) * local.y + glm::abs(Vec3(toWorld[2])) * local.z +
+                 glm::abs(Vec3(toWorld[3]))) +
+         glm::abs(world);
+}
 
 }  // namespace trace
 }  // namespace gobo

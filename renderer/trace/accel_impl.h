@@ -46,6 +46,7 @@ struct Accel::Impl {
   std::vector<std::unique_ptr<AlphaGeometry>> alphas;
   bool hasAlpha = false;
   float unit = 1.0f;
+  Vec3 reach{1.0f};
   size_t bytes = 0;
   ~Impl();
 

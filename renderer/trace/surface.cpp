@@ -117,11 +117,8 @@ void SurfaceTable::build(const SceneView& view, const Accel& accel) {
 
 void SurfaceTable::toWorld(const SurfaceInstance& s, Surface& out) {
   const Mat4& m = s.toWorld;
-  const Vec3 local = out.p, reach = out.reach, translation(m[3]);
-  out.p = Vec3(m * Vec4(local, 1.0f));
-  // Embree takes the ray into object space and back: the translation counts twice.
-  out.reach =
-      2.0f * (glm::abs(Vec3(m[0])) * reach.x + glm::abs(Vec3(m[1])) * reach.y + glm::abs(Vec3(m[2])) * reach.z + glm::abs(translation)) + glm::abs(out.p);
+  out.p = Vec3(m * Vec4(out.p, 1.0f));
+  out.reach = instanceReach(m, out.reach, out.p);
 }
 
 }  // namespace trace

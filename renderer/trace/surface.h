@@ -72,13 +72,8 @@ struct Surface {
   Frame frame() const { return hasTangent ? Frame(n, tangent) : Frame(n); }
   /// Geometric normal on the viewer's side.
   Vec3 facing() const { return front ? Ng : -Ng; }
-  /// p moved to the side of `side` (unit, +-Ng) past every point that rounding could have put on the wrong side of the
-  /// triangle (pbrt-v4 section 6.8.6, with room for Embree's own rounding: 2.5 units in the last place at least).
-  Vec3 origin(const Vec3& side) const {
-    // The second part is for planes along an axis: Embree takes t = 0 for a hit, and rounding of its normal counts there.
-    const float d = 6e-7f * glm::dot(glm::abs(side), reach) + 3e-7f * std::max(reach.x, std::max(reach.y, reach.z));
-    return p + side * d;
-  }
+  /// Where a ray to the side of `side` (unit, +-Ng) begins.
+  Vec3 origin(const Vec3& side) const { return offsetOrigin(p, side, reach); }
 };
 
 class SurfaceTable {

@@ -60,7 +60,7 @@ class MapProbeNode final : public Node {
  public:
   explicit MapProbeNode(const MapProbeSettings& s) : s_(s) {}
   std::string type() const override { return "map_probe"; }
-  int version() const override { return 3; }
+  int version() const override { return 4; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets;

@@ -28,7 +28,7 @@ class ShadowProbeNode final : public Node {
  public:
   explicit ShadowProbeNode(const ShadowProbeSettings& s) : s_(s) {}
   std::string type() const override { return "shadow_probe"; }
-  int version() const override { return 4; }  // 4: says where its pixels are
+  int version() const override { return 5; }  // 4: says where its pixels are; 5: rays begin nearer to the surface
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::LightShape;

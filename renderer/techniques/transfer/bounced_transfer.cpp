@@ -19,7 +19,7 @@ class BouncedTransferNode final : public Node {
     t.persist = true;
     return t;
   }
-  int version() const override { return 2; }  // 2: gaps are dark
+  int version() const override { return 3; }  // 2: gaps are dark; 3: rays begin nearer to the surface
   void hashParameters(Hasher& h) const override { h.add(s_.points).add(s_.bands).add(bounce_).add(directions_).add(s_.seed); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 3);
@@ -66,7 +66,7 @@ class BouncedTransferNode final : public Node {
           for (size_t i = begin; i < end; ++i) {
             std::fill(total.begin(), total.end(), 0.0);
             const PointRays rays(Vec3(position[3 * i], position[3 * i + 1], position[3 * i + 2]), Vec3(normal[3 * i], normal[3 * i + 1], normal[3 * i + 2]),
-                                 cell[i], accel->unit(), hash64(s_.seed ^ 0xb0c5, i));
+                                 cell[i], accel->reach(), hash64(s_.seed ^ 0xb0c5, i));
             for (uint32_t from = 0; from < directions_; from += kLanes) {
               Ray ray[kLanes];
               Hit hit[kLanes];

@@ -12,6 +12,7 @@ class DirectTransferNode final : public Node {
  public:
   DirectTransferNode(const TransferSettings& s, uint32_t block) : s_(s), block_(block) {}
   std::string type() const override { return "direct_transfer"; }
+  int version() const override { return 2; }  // 2: rays begin nearer to the surface
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets;
@@ -45,7 +46,7 @@ class DirectTransferNode final : public Node {
           for (size_t i = begin; i < end; ++i) {
             sum.fill(0.0);
             const PointRays rays(Vec3(position[3 * i], position[3 * i + 1], position[3 * i + 2]), Vec3(normal[3 * i], normal[3 * i + 1], normal[3 * i + 2]),
-                                 cell[i], accel->unit(), hash64(s_.seed, i));
+                                 cell[i], accel->reach(), hash64(s_.seed, i));
             for (uint32_t from = 0; from < kDirections; from += kLanes) {
               Ray ray[kLanes];
               alignas(64) float x[kLanes], y[kLanes], z[kLanes], seen[kLanes];

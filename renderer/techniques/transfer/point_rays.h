@@ -14,9 +14,9 @@ namespace gobo::transfer {
 
 class PointRays {
  public:
-  /// `cell`: size of what is about the point; it leaves the surface by a thousandth of that. `unit`: Accel::unit.
-  PointRays(const Vec3& position, const Vec3& normal, float cell, float unit, uint64_t seed)
-      : frame_(normal), origin_(offsetOrigin(position + normal * (1e-3f * cell), normal, unit)), seed_(seed) {}
+  /// `cell`: size of what is about the point; it leaves the surface by a thousandth of that. `reach`: Accel::reach.
+  PointRays(const Vec3& position, const Vec3& normal, float cell, const Vec3& reach, uint64_t seed)
+      : frame_(normal), origin_(offsetOrigin(position + normal * (1e-3f * cell), normal, reach)), seed_(seed) {}
   Ray at(uint32_t index) const {
     const Vec2 u = SobolSampler(seed_, index).next2D();
     const float r = std::sqrt(u.x), a = 2.0f * kPi * u.y;

@@ -25,7 +25,7 @@ class TransferPointsNode final : public Node {
     return t;
   }
   // 2: triangles in strips, dense meshes thinned, gaps; 3: normals of tiny instances; 4: backs of single-sided meshes that are not closed
-  int version() const override { return 4; }
+  int version() const override { return 5; }
   void hashParameters(Hasher& h) const override { h.add(s_.points).add(s_.seed); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     return Wiring(type(), in, 0)
@@ -53,7 +53,7 @@ class TransferPointsNode final : public Node {
               normal[3 * i + k] = points.normal[i][int(k)];
             }
             cell[i] = points.cell[i];
-            const PointRays rays(points.position[i], points.normal[i], points.cell[i], accel->unit(), hash64(s_.seed ^ 0x1ff5, i));
+            const PointRays rays(points.position[i], points.normal[i], points.cell[i], accel->reach(), hash64(s_.seed ^ 0x1ff5, i));
             uint32_t behind = 0, near = 0;
             for (uint32_t from = 0; from < kLooks; from += kLanes) {
               Ray ray[kLanes];

@@ -117,7 +117,7 @@ Result<HaarTransfer> HaarTransfer::of(const HaarCells& cells, const Term& points
         std::vector<double> value(wavelets.size());
         for (size_t p = begin; p < end; ++p) {
           const Vec3 n(normal[3 * p], normal[3 * p + 1], normal[3 * p + 2]);
-          const PointRays from(Vec3(position[3 * p], position[3 * p + 1], position[3 * p + 2]), n, cell[p], accel.unit(), 0);
+          const PointRays from(Vec3(position[3 * p], position[3 * p + 1], position[3 * p + 2]), n, cell[p], accel.reach(), 0);
           std::fill(value.begin(), value.end(), 0.0);
           Ray ray[kLanes];
           size_t of[kLanes];
