@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/blobs_service.h"
 
+#include <map>
 #include <optional>
 
 #include "server/limits.h"
@@ -30,8 +31,10 @@ grpc::Status BlobsService::Missing(grpc::ServerContext* context, const v1::Missi
       if (const Status ok = checkSha256(blob.sha256(), place + ".sha256"); !ok.ok()) return toGrpc(ok);
       if (blob.bytes() == 0) return toGrpc(invalidArgument(place + ".bytes = 0: must be the file's size", place + ".bytes"));
     }
+    std::map<std::string, uint64_t> together;
     for (int i = 0; i < request->blobs_size(); ++i) {
       const v1::BlobDigest& blob = request->blobs(i);
+      together[blob.sha256()] = blob.bytes();
       const uint64_t received = core_.files->received(rpc.renderOwner(), blob.sha256(), blob.bytes());
       if (received == blob.bytes()) continue;
       // What could not be put is refused before anything of it, or of the files beside it, is sent.
@@ -41,6 +44,9 @@ grpc::Status BlobsService::Missing(grpc::ServerContext* context, const v1::Missi
       *missing.mutable_blob() = blob;
       missing.set_received(received);
     }
+    // Nor is anything sent of files that would push each other out.
+    if (reply->missing_size() > 0)
+      if (const Status fit = core_.files->fitTogether(rpc.renderOwner(), together); !fit.ok()) return rpc.refuse("blobs", fit.at("missing.blobs"));
     return grpc::Status::OK;
   });
 }

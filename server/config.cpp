@@ -317,13 +317,17 @@ Result<uint64_t> parseBytes(const std::string& text) {
 Status readConfig(const std::string& path, ServerConfig& config) {
   std::ifstream in(path, std::ios::binary);
   if (!in) return notFound("cannot read configuration \"" + path + "\"");
-  std::ostringstream content;
-  content << in.rdbuf();
+  // What cannot be read is no empty file: at a reload that would be the end of every token. A folder opens, and stands where a container's mount found no file.
+  std::error_code error;
+  if (fs::is_directory(path, error)) return invalidArgument("configuration \"" + path + "\" is a folder: name the file");
+  std::string content, piece(size_t(1) << 16, '\0');
+  while (in.read(piece.data(), std::streamsize(piece.size())), in.gcount() > 0) content.append(piece, 0, size_t(in.gcount()));
+  if (in.bad()) return Status(Code::Unavailable, "cannot read configuration \"" + path + "\"");
   const fs::path base = fs::absolute(path).parent_path();
   const Fix folder = [base](const std::string& p) { return p.empty() || fs::path(p).is_absolute() ? p : (base / p).lexically_normal().string(); };
   const Fix address = [folder](const std::string& a) { return a.rfind("unix:", 0) == 0 ? "unix:" + folder(a.substr(5)) : a; };
   try {
-    const toml::table root = toml::parse(content.str(), path);
+    const toml::table root = toml::parse(content, path);
     config.file = path;
     return readTable(root, "", path, keysOf(config, folder, address, path));
   } catch (const toml::parse_error& e) {
@@ -365,37 +369,50 @@ uint64_t callsThatMayWait(const ServerConfig& c) {
          LoadGate::kWaiting + Sessions::kWaiting;
 }
 
+/// What caches cannot have of engine.memory_bytes.
+static uint64_t bytesThatStay(const ServerConfig& c) { return c.pinnedBytes + c.replyBytes + c.keepRendersBytes; }
+
+static Status atLeast(const char* key, uint64_t value, uint64_t low) {
+  if (value >= low) return {};
+  return invalidArgument(std::string(key) + " = " + std::to_string(value) + ": must be at least " + std::to_string(low));
+}
+
+Status checkRelations(const ServerConfig& c) {
+  // A chunk travels in a message with a few fields around it.
+  constexpr uint64_t kAround = 65536;
+  if (std::max(c.chunkBytes, c.inlineBytes) + kAround > c.messageBytes)
+    return invalidArgument("limits.chunk_bytes = " + std::to_string(c.chunkBytes) + " and limits.inline_bytes = " + std::to_string(c.inlineBytes) +
+                           " must be at least 64 KiB below limits.message_bytes = " + std::to_string(c.messageBytes));
+  // Without spare ones a full queue would lock out status, cancellation and health checks.
+  GOBO_TRY(atLeast(
+      "limits.rpc_threads (16 more than scheduler.running, the three queues, limits.watches, farm.workers, uploads_at_once, loads_at_once and 96 together)",
+      c.rpcThreads, callsThatMayWait(c) + 16));
+  // Caches give way to what cannot; so that must have its place.
+  if (c.memoryBytes != 0 && c.memoryBytes < bytesThatStay(c))
+    return invalidArgument("engine.memory_bytes = " + std::to_string(c.memoryBytes) +
+                           ": scheduler.pinned_bytes, limits.reply_bytes and engine.keep_renders_bytes, which do not give way, are " +
+                           std::to_string(bytesThatStay(c)) + " together");
+  return {};
+}
+
 Status checkConfig(ServerConfig& c) {
   // A worker serves nobody but its coordinator, unless it is told to.
   if (c.listen.empty() && c.farmCoordinator.empty()) c.listen.push_back(defaultAddress());
   GOBO_TRY(checkSecurity(c));
   GOBO_TRY(parseLogLevel(c.logLevel).status());
   GOBO_TRY(parseLogFormat(c.logFormat).status());
-  const auto least = [](const char* key, uint64_t value, uint64_t low) -> Status {
-    if (value >= low) return {};
-    return invalidArgument(std::string(key) + " = " + std::to_string(value) + ": must be at least " + std::to_string(low));
-  };
-  GOBO_TRY(least("engine.store_bytes", c.storeBytes, 1ull << 20));
-  GOBO_TRY(least("limits.message_bytes", c.messageBytes, 1ull << 20));
-  GOBO_TRY(least("limits.rpc_memory_bytes", c.rpcMemoryBytes, 64ull << 20));
-  GOBO_TRY(least("limits.chunk_bytes", c.chunkBytes, 4096));
-  // A chunk travels in a message with a few fields around it.
-  if (c.chunkBytes + 65536 > c.messageBytes || c.inlineBytes + 65536 > c.messageBytes)
-    return invalidArgument("limits.chunk_bytes = " + std::to_string(c.chunkBytes) + " and limits.inline_bytes = " + std::to_string(c.inlineBytes) +
-                           " must be at least 64 KiB below limits.message_bytes = " + std::to_string(c.messageBytes));
-  // Without spare ones a full queue would lock out status, cancellation and health checks.
-  const uint64_t waiting = callsThatMayWait(c);
-  GOBO_TRY(least(
-      "limits.rpc_threads (16 more than scheduler.running, the three queues, limits.watches, farm.workers, uploads_at_once, loads_at_once and 96 together)",
-      c.rpcThreads, waiting + 16));
-  GOBO_TRY(least("limits.request_bytes", c.requestBytes, 1ull << 20));
-  GOBO_TRY(least("limits.reply_bytes", c.replyBytes, 16ull << 20));
-  GOBO_TRY(least("engine.keep_renders_bytes", c.keepRendersBytes, 1ull << 20));
-  GOBO_TRY(least("engine.environment_bytes", c.environmentBytes, 1ull << 20));
-  GOBO_TRY(least("engine.accel_bytes", c.accelBytes, 1ull << 20));
-  GOBO_TRY(least("ingest.memory_bytes", c.ingestMemoryBytes, 64ull << 20));
-  GOBO_TRY(least("blobs.bytes", c.blobsBytes, 1ull << 20));
-  GOBO_TRY(least("ingest.blob_bytes", c.ingestBlobBytes, 1ull << 20));
+  GOBO_TRY(atLeast("engine.store_bytes", c.storeBytes, 1ull << 20));
+  GOBO_TRY(atLeast("limits.message_bytes", c.messageBytes, 1ull << 20));
+  GOBO_TRY(atLeast("limits.rpc_memory_bytes", c.rpcMemoryBytes, 64ull << 20));
+  GOBO_TRY(atLeast("limits.chunk_bytes", c.chunkBytes, 4096));
+  GOBO_TRY(atLeast("limits.request_bytes", c.requestBytes, 1ull << 20));
+  GOBO_TRY(atLeast("limits.reply_bytes", c.replyBytes, 16ull << 20));
+  GOBO_TRY(atLeast("engine.keep_renders_bytes", c.keepRendersBytes, 1ull << 20));
+  GOBO_TRY(atLeast("engine.environment_bytes", c.environmentBytes, 1ull << 20));
+  GOBO_TRY(atLeast("engine.accel_bytes", c.accelBytes, 1ull << 20));
+  GOBO_TRY(atLeast("ingest.memory_bytes", c.ingestMemoryBytes, 64ull << 20));
+  GOBO_TRY(atLeast("blobs.bytes", c.blobsBytes, 1ull << 20));
+  GOBO_TRY(atLeast("ingest.blob_bytes", c.ingestBlobBytes, 1ull << 20));
   if (c.ingestVerify != "changed" && c.ingestVerify != "always")
     return invalidArgument("ingest.verify = \"" + escaped(c.ingestVerify) + "\": must be \"changed\" or \"always\"");
   for (const std::string& text : c.listen) GOBO_TRY(parseAddress(text).status());
@@ -433,14 +450,8 @@ Status checkConfig(ServerConfig& c) {
   const uint64_t machine = machineMemory();
   if (c.pinnedBytes == 0) c.pinnedBytes = machine / 2;
   if (c.sceneBytes == 0) c.sceneBytes = machine / 4;
-  // Caches give way to what cannot; so that must have its place.
-  const uint64_t fixed = c.pinnedBytes + c.replyBytes + c.keepRendersBytes;
-  if (c.memoryBytes != 0 && c.memoryBytes < fixed)
-    return invalidArgument("engine.memory_bytes = " + std::to_string(c.memoryBytes) +
-                           ": scheduler.pinned_bytes, limits.reply_bytes and engine.keep_renders_bytes, which do not give way, are " + std::to_string(fixed) +
-                           " together");
-  if (c.memoryBytes == 0) c.memoryBytes = std::max(machine / 4 * 3, fixed);
-  return {};
+  if (c.memoryBytes == 0) c.memoryBytes = std::max(machine / 4 * 3, bytesThatStay(c));
+  return checkRelations(c);
 }
 
 }  // namespace server

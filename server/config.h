@@ -21,7 +21,7 @@ struct TokenConfig {
   std::vector<std::string> classes;  ///< of "interactive", "normal", "batch"
   double requestsPerSecond = 0;      ///< of any kind; up to `burst` at once
   uint32_t burst = 10;
-  uint32_t rendersAtOnce = 0;  ///< queued ones included
+  uint32_t rendersAtOnce = 0;  ///< queued ones included, but for those that wait for their turn in a session
   uint64_t maxPixels = 0;      ///< width x height
   uint32_t maxSpp = 0;
   double maxSeconds = 0;                          ///< of one request, from its arrival
@@ -126,6 +126,7 @@ struct ServerConfig {
   uint64_t farmCacheBytes = 16ull << 30;  ///< of scenes and maps that are kept there
   bool farmTls = false;                   ///< of the way to the coordinator, also with one of the files
   std::string farmCa, farmCert, farmKey, farmTokenFile;
+  bool operator==(const ServerConfig&) const = default;
 };
 
 /// "unix:/tmp/gobo-UID.sock".
@@ -137,6 +138,8 @@ Status readConfig(const std::string& path, ServerConfig& config);
 std::vector<std::string> configKeys();
 /// Ranges, addresses (beyond loopback only with TLS and tokens, or allow_remote), tokens, folders. Fills in the default listen address and tmp folder.
 Status checkConfig(ServerConfig& config);
+/// Limits against each other, of a checked configuration or of one that a reload would make of two. Errors: InvalidArgument naming the keys.
+Status checkRelations(const ServerConfig& config);
 /// Calls that may wait at once, each in a thread of limits.rpc_threads: running and queued renders, watches, uploads, loads.
 uint64_t callsThatMayWait(const ServerConfig& config);
 /// What differs between the running configuration and a new one but is fixed until a restart: keys, "scheduler.running".

@@ -27,6 +27,10 @@ uint32_t heldRefusals(const ServerConfig& c) {
   return uint32_t(std::min<uint64_t>(64, (c.rpcThreads - std::min<uint64_t>(c.rpcThreads, callsThatMayWait(c))) / 2));
 }
 
+/// Plans that may wait at once: what the queues take, of which one caller may have three quarters.
+size_t mostPlansWaiting(const ServerConfig& c) { return std::max<size_t>(1, size_t(c.queuedInteractive) + c.queuedNormal + c.queuedBatch); }
+size_t mostPlansOfOne(const ServerConfig& c) { return std::max<size_t>(1, mostPlansWaiting(c) * 3 / 4); }
+
 }  // namespace
 
 constexpr uint32_t kPlansAtOnce = 16;  // of one caller as many as there are cores, so that each of fifteen others finds a place
@@ -69,6 +73,19 @@ void ServerCore::setLive(const ServerConfig& c) {
   replies.setLimit(c.replyBytes);
   const std::lock_guard lock(liveMutex_);
   live_ = std::make_shared<ServerConfig>(c);
+}
+
+std::function<bool(const FairGate::Queue&)> ServerCore::plansFull(bool& full) {
+  return [this, &full](const FairGate::Queue& q) {
+    full = !q.free && (q.ofClient >= mostPlansOfOne(config) || q.waiting + jobs.queued() >= mostPlansWaiting(config));
+    return full;
+  };
+}
+
+std::string ServerCore::plansFullText() const {
+  return strf(
+      "too many calls wait to be planned: at most %zu, those in the queues included, and %zu of one caller (scheduler.queued_interactive, _normal, _batch)",
+      mostPlansWaiting(config), mostPlansOfOne(config));
 }
 
 void ServerCore::addHealth(const std::string& key, std::function<std::string()> value) {

@@ -18,6 +18,7 @@
 #include "server/config.h"
 #include "server/device_probe.h"
 #include "server/encode_pace.h"
+#include "server/fair_gate.h"
 #include "server/freed_memory.h"
 #include "server/idle_watch.h"
 #include "server/job_runner.h"
@@ -51,7 +52,7 @@ class ServerCore {
   Metrics metrics;                           ///< other parts register their own (server/server_metrics.h)
   TokenBook tokens;
   LoadGate loads;
-  FairGate planning;       ///< plans being made before admission: they load environments and pose scenes
+  FairGate planning;       ///< plans being made before admission: they load environments and pose scenes; entered with plansFull()
   RefusalPause impatient;  ///< answers to who does not wait for his hint
   IdleWatch idle;
   FreedMemory freed;
@@ -97,6 +98,14 @@ class ServerCore {
   void cancelAll();
   bool cancelledAll() const { return cancelled_.load(); }
   size_t running() const;
+
+  /// For planning.enter() of every call: refuses one that would have to wait where as many wait as the queues take. Each holds a thread of limits.rpc_threads,
+  /// and only those of the queues are kept for them: status must get through. Of one caller three quarters wait, of all callers, with those in the queues, all.
+  /// `full`, which must outlive the call of enter(), says whether it refused.
+  std::function<bool(const FairGate::Queue&)> plansFull(bool& full);
+  /// What the refused one is told, with kPlanRetryMs.
+  std::string plansFullText() const;
+  static constexpr double kPlanRetryMs = 200;  ///< plans end one by one, soon
 
   /// A part of /health: `value` gives the JSON value of `key`, on any thread.
   void addHealth(const std::string& key, std::function<std::string()> value);

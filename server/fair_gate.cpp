@@ -63,7 +63,10 @@ void FairGate::leave(const std::string& client) {
 std::optional<FairGate::Place> FairGate::enter(const std::string& client, const std::function<bool()>& gone, const std::function<bool(const Queue&)>& refuse) {
   std::unique_lock lock(mutex_);
   const auto mine = clients_.find(client);
-  if (refuse && refuse({waiters_.size(), mine == clients_.end() ? 0 : mine->second.waiting, running_})) return std::nullopt;
+  const Client me = mine == clients_.end() ? Client() : mine->second;
+  // Whoever waits beside a free place may not take it (call()), so nobody is before this one there.
+  const bool free = running_ < limits_.places && (me.running == 0 || running_ < limits_.shared);
+  if (refuse && refuse({waiters_.size(), me.waiting, running_, free})) return std::nullopt;
   const auto waiter = waiters_.insert(waiters_.end(), {client, false});
   ++clients_[client].waiting;
   call();

@@ -25,6 +25,7 @@ class FairGate {
   struct Queue {
     size_t waiting = 0, ofClient = 0;
     uint32_t running = 0;
+    bool free = false;  ///< there is a place for this client now: it would not wait
   };
   FairGate() = default;
   explicit FairGate(Limits limits) : limits_(limits) {}

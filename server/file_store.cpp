@@ -272,6 +272,30 @@ Status FileStore::makeRoom(const Key* key, uint64_t more) {
   return {};
 }
 
+Status FileStore::fitTogether(const std::string& owner, const std::map<std::string, uint64_t>& files) const {
+  const auto add = [](uint64_t& sum, uint64_t more) { sum = more > UINT64_MAX - sum ? UINT64_MAX : sum + more; };  // sizes are what the client says
+  const std::string folder = ownerFolder(owner);
+  std::map<std::string, uint64_t> asked;  // one file may be asked for in both cases
+  for (const auto& [digest, bytes] : files) asked[lower(digest)] = std::max(kLeastCharge, bytes);
+  uint64_t together = 0, mine = 0, others = 0;
+  for (const auto& [digest, charge] : asked) add(together, charge);
+  const std::lock_guard lock(mutex_);
+  for (const auto& [key, entry] : entries_) {
+    const bool own = key.first == folder, stays = entry.holds || entry.writing;
+    if (stays && !(own && asked.count(key.second))) add(own ? mine : others, entry.charge());
+  }
+  uint64_t ofOwner = together, ofAll = together;
+  add(ofOwner, mine);
+  add(ofAll, mine);
+  add(ofAll, others);
+  if (ofOwner <= most() && ofAll <= options_.bytes) return {};
+  return {
+      Code::ResourceExhausted,
+      strf("the %zu files have %llu bytes together, beside %llu of this client's and %llu of others that are in use or on their way: they cannot be there at "
+           "once (blobs.bytes = %llu, half of it for one client)",
+           asked.size(), (unsigned long long)together, (unsigned long long)mine, (unsigned long long)others, (unsigned long long)options_.bytes)};
+}
+
 // Putting.
 
 uint64_t FileStore::received(const std::string& owner, const std::string& sha256, uint64_t bytes) {

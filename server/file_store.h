@@ -98,6 +98,10 @@ class FileStore : public std::enable_shared_from_this<FileStore> {
   /// Aborted while another call puts the same file; ResourceExhausted that names blobs.bytes, or without a descriptor; Cancelled; what the disk says. What
   /// has arrived of the file stays.
   Result<std::unique_ptr<FilePut>> begin(const std::string& owner, const std::string& sha256, uint64_t bytes, uint64_t offset, const StopToken& stop = {});
+  /// Ok if files of this owner's (digest -> bytes), there or not, can be there together: beside what he has in use or on its way, within most(), and beside
+  /// what everybody has so, within limit(). Those of a set that does not fit would push each other out, for ever. Errors: ResourceExhausted that names
+  /// blobs.bytes.
+  Status fitTogether(const std::string& owner, const std::map<std::string, uint64_t>& files) const;
   /// Files by name, checked. Errors: NotFound with field and digest of each that is not there (of 20, and how many there are), InvalidArgument, Cancelled,
   /// ResourceExhausted (disk full; no descriptor to check one by: it stays), what the disk says.
   Result<std::shared_ptr<const FileTree>> tree(const std::string& owner, const std::map<std::string, std::string>& files, const std::string& field,

@@ -61,6 +61,11 @@ class JobRunner {
   /// Refuses new jobs (Unavailable), waits up to `seconds` for the others, cancels what is left and waits for that.
   void drain(double seconds);
   SchedulerStats stats() const;
+  /// Of stats() the number that waits, without making the rest of it.
+  size_t queued() const {
+    const std::lock_guard hold(mutex_);
+    return scheduler_.queued();
+  }
   /// Where a job is; nothing once it is over.
   std::optional<Place> place(JobId id);
   /// One per slot; those beside (rule 10) are not among them.

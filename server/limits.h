@@ -35,6 +35,7 @@ UploadLimit uploadLimit(const Rpc& rpc);
 struct Deadline {
   std::optional<std::chrono::steady_clock::time_point> at;
   std::string limit;  ///< "limits.request_s = 5" when a limit of the server is the earliest; else empty
+  bool passed() const { return at && std::chrono::steady_clock::now() >= *at; }
 };
 Deadline deadlineFor(const Rpc& rpc, const grpc::ServerContext& context, const v1::Scheduling& scheduling);
 

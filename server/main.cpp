@@ -7,9 +7,12 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
+#include <iostream>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -93,6 +96,13 @@ int fail(const gobo::Status& status) {
 
 }  // namespace
 
+/// The exit code of what only says something: 1 where that could not be written.
+static int said() {
+  if (std::fflush(stdout) == 0 && !std::ferror(stdout) && std::cout.flush()) return 0;
+  std::fprintf(stderr, "gobod: cannot write to standard output: %s\n", std::strerror(errno));
+  return 1;
+}
+
 int main(int argc, char** argv) {
   const auto begun = std::chrono::steady_clock::now();
   gobo::FreedMemory::boundMalloc();
@@ -123,12 +133,12 @@ int main(int argc, char** argv) {
       "second signal ends at once. SIGHUP reads the configuration again. Exit codes: 0 ok, 2 bad configuration, 4 address in use.");
   try {
     app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) { return app.exit(e) == 0 ? 0 : 2; }
+  } catch (const CLI::ParseError& e) { return app.exit(e) == 0 ? said() : 2; }
   if (flags.listen.empty()) flags.listen = listOf(std::getenv("GOBO_LISTEN"));
   if (flags.roots.empty()) flags.roots = listOf(std::getenv("GOBO_ROOT"));
   if (version) {
     std::printf("gobod %s\n", gobo::buildVersion().c_str());
-    return 0;
+    return said();
   }
   auto configured = configure(flags);
   if (!configured.ok()) return fail(configured.status());
@@ -141,7 +151,7 @@ int main(int argc, char** argv) {
       if (const gobo::Status store = gobo::PostgresJobStore::check(config.jobsStore); !store.ok())
         return fail({store.code(), "jobs.store: " + store.message(), store.location()});
     std::printf("gobod: configuration is fine\n");
-    return 0;
+    return said();
   }
   gobo::setLogLevel(*gobo::parseLogLevel(config.logLevel));
   gobo::setLogFormat(*gobo::parseLogFormat(config.logFormat));

@@ -12,14 +12,9 @@ inline namespace server {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr double kRetryMs = 200;  // for a caller whose plans wait: they end one by one, soon
-
 JobClass jobClassOf(v1::Scheduling::Class priority) {
   return priority == v1::Scheduling::INTERACTIVE ? JobClass::Interactive : priority == v1::Scheduling::BATCH ? JobClass::Batch : JobClass::Normal;
 }
-
-/// Of one caller: a queue like those behind it, of which nobody may fill more than three quarters either.
-static size_t mostPlansWaiting(const ServerConfig& c) { return std::max<size_t>(1, (size_t(c.queuedInteractive) + c.queuedNormal + c.queuedBatch) * 3 / 4); }
 
 RenderCall::RenderCall(ServerCore& core, StopSource stop, v1::RenderRequest request, RenderCallOptions options)
     : core_(core), stop_(std::move(stop)), request_(std::move(request)), options_(std::move(options)) {
@@ -43,17 +38,13 @@ void RenderCall::work() {
       retryAfterMs_ = refusal.retryMs;
       return refusal.status;
     }
+    bool full = false;
     const auto place = core_.planning.enter(
-        options_.payer, [stop = stop_.token()] { return stop.stopRequested(); },
-        [&](const FairGate::Queue& queue) {
-          if (queue.ofClient < mostPlansWaiting(core_.config)) return false;
-          retryAfterMs_ = kRetryMs;
-          return true;
-        });
-    if (!place && retryAfterMs_ > 0)
-      return Status(Code::ResourceExhausted,
-                    std::to_string(mostPlansWaiting(core_.config)) + " renders of \"" + options_.payer +
-                        "\" wait to be planned: at most three quarters of what the queues take (scheduler.queued_interactive, _normal, _batch)");
+        options_.payer, [stop = stop_.token()] { return stop.stopRequested(); }, core_.plansFull(full));
+    if (!place && full) {
+      retryAfterMs_ = ServerCore::kPlanRetryMs;
+      return Status(Code::ResourceExhausted, core_.plansFullText());
+    }
     if (!place) return Status(Code::Cancelled, "cancelled while it waited to be planned");
     {
       const std::lock_guard lock(mutex_);

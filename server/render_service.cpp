@@ -41,6 +41,12 @@ void account(Rpc& rpc, RenderCall& call, JobClass jobClass, double totalMs, bool
   m.add("gobo_store_misses_total", {}, misses);
 }
 
+/// The answer for what its deadline ended.
+grpc::Status deadlinePassed(Rpc& rpc, const Deadline& deadline, const Status& status) {
+  if (deadline.limit.empty()) return toGrpc(status);
+  return rpc.refuse("time", Status(status.code(), status.message() + ": requests may take " + deadline.limit + " s"));
+}
+
 }  // namespace
 
 grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliver& deliver, const Report* report) {
@@ -64,16 +70,8 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   if (!allowed.ok()) return allowed;
   const auto environment = environmentFile(rpc, request, "request.environment.digest", call.stop.token());
   if (!environment.ok()) return toGrpc(environment.status());
-  const RenderSlot slot(rpc.who());
-  if (!slot.ok)
-    return rpc.refuseBusy("renders",
-                          strf("renders at once: at most %u (tokens.renders_at_once of \"%s\")", rpc.who().token->rendersAtOnce, rpc.who().name.c_str()), 1000);
 
   const Deadline deadline = deadlineFor(rpc, context, resolved->scheduling());
-  const auto tooLate = [&](const Status& status) {
-    return deadline.limit.empty() ? toGrpc(status)
-                                  : rpc.refuse("time", Status(status.code(), status.message() + ": requests may take " + deadline.limit + " s"));
-  };
   const auto replaced = [] { return grpc::Status(grpc::StatusCode::CANCELLED, "replaced by a newer request of its session (scheduling.session)"); };
   const std::string& session = request.scheduling().session();
   std::unique_ptr<SharedLimit::Hold> place;
@@ -98,10 +96,16 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
     case Sessions::Turn::Begin::Gone:
       if (core_.cancelledAll()) return rpc.refuseDraining();
       if (deadline.at && Clock::now() >= *deadline.at)
-        return tooLate(Status(Code::DeadlineExceeded, "the deadline passed while another request of its session ran"));
+        return deadlinePassed(rpc, deadline, Status(Code::DeadlineExceeded, "the deadline passed while another request of its session ran"));
       return {grpc::StatusCode::CANCELLED, "the client has gone"};
   }
   place.reset();
+  // Only what has its turn counts as a render: an edit that waits for the one before it, or takes its place, must not be refused for that one. Given back
+  // before the turn is.
+  const RenderSlot slot(rpc.who());
+  if (!slot.ok)
+    return rpc.refuseBusy("renders",
+                          strf("renders at once: at most %u (tokens.renders_at_once of \"%s\")", rpc.who().token->rendersAtOnce, rpc.who().name.c_str()), 1000);
 
   RenderCallOptions options;
   options.client = *client;
@@ -169,7 +173,7 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
                                  (unsigned long long)core_.replies.limit()),
                             1000);
     if (render->runs() == 0 && status.code() == Code::FailedPrecondition) return rpc.refuse("memory", status);
-    if (status.code() == Code::DeadlineExceeded) return tooLate(status);
+    if (status.code() == Code::DeadlineExceeded) return deadlinePassed(rpc, deadline, status);
     return toGrpc(status);
   }
   core_.renders.fetch_add(1);
@@ -244,8 +248,13 @@ grpc::Status RenderService::Plan(grpc::ServerContext* context, const v1::RenderR
     const StopToken stop = call.stop.token();
     const auto environment = environmentFile(rpc, request, "request.environment.digest", stop);
     if (!environment.ok()) return toGrpc(environment.status());
-    const auto gone = [&] { return stop.stopRequested() || context->IsCancelled(); };
-    const auto place = core_.planning.enter(rpc.who().name, gone, {});
+    const Deadline deadline = deadlineFor(rpc, *context, resolved->scheduling());
+    const auto gone = [&] { return stop.stopRequested() || context->IsCancelled() || deadline.passed(); };
+    bool full = false;
+    const auto place = core_.planning.enter(rpc.who().name, gone, core_.plansFull(full));
+    if (!place && full) return rpc.refuseBusy("queue", core_.plansFullText(), ServerCore::kPlanRetryMs);
+    if (!place && deadline.passed() && !stop.stopRequested())
+      return deadlinePassed(rpc, deadline, Status(Code::DeadlineExceeded, "the deadline passed while it waited to be planned"));
     if (!place) return toGrpc(Status(Code::Cancelled, "cancelled while it waited to be planned"));
     auto planned = core_.engine.plan(request, stop, rpc.access(), environment->path);
     if (!planned.ok()) return toGrpc(planned.status());

@@ -279,11 +279,8 @@ Result<std::vector<std::string>> Server::reload(const ServerConfig& next) {
   if (Status safe = checkSecurity(config); !safe.ok()) return failed(safe);
   GOBO_ASSIGN(const LogLevel level, parseLogLevel(config.logLevel));
   GOBO_ASSIGN(const LogFormat format, parseLogFormat(config.logFormat));
-  if (config.chunkBytes + 65536 > running.messageBytes || config.inlineBytes + 65536 > running.messageBytes)
-    return failed(
-        invalidArgument(strf("limits.chunk_bytes = %llu and limits.inline_bytes = %llu: must be at least 64 KiB below limits.message_bytes = %llu, which "
-                             "is fixed until a restart",
-                             (unsigned long long)config.chunkBytes, (unsigned long long)config.inlineBytes, (unsigned long long)running.messageBytes)));
+  if (const Status fits = checkRelations(config); !fits.ok())  // the file agrees with itself, but what of it waits for a restart is as at the start
+    return failed(Status(fits.code(), fits.message() + "; keys that a reload does not change are as at the start"));
   if (tls_) {
     auto files = readTls(config.tls);
     if (!files.ok()) return failed(files.status());

@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/image_io.h"
+#include "blobs.h"
 #include "commands.h"
 #include "regress/bisection.h"
 #include "regress/child.h"
@@ -77,17 +78,31 @@ Result<std::string> workFolder(const BisectCommand& command, const Commits& comm
   return (base / "gobo" / "bisect" / sha256Hex(commits.store().data(), commits.store().size()).substr(0, 16)).string();
 }
 
-/// All of what a verdict depends on beside the commit: the suite, its cases and what is accepted for them, how a commit is built. Scene files by size and time.
+/// The files that a case's pictures are made of, by size and time: the scene's own, what it names (buffers, textures) and the environment.
+BisectJson filesOfCase(const RegressCase& c) {
+  BisectJson out = BisectJson::array();
+  const auto add = [&](const std::string& name, const std::string& path) {
+    std::error_code error;
+    const auto size = fs::file_size(path, error);
+    const auto time = error ? fs::file_time_type() : fs::last_write_time(path, error);
+    if (!error) out.push_back({name, path, size, time.time_since_epoch().count()});
+  };
+  // Of a built-in scene there are none, and one that is away by now is the run's to refuse.
+  if (const auto files = filesOf(c.scene); files.ok())
+    for (const auto& [name, file] : *files) add(name, file.path);
+  const std::string& map = c.environment.empty() ? c.request.environment().path() : c.environment;
+  if (!map.empty()) add("environment", map);
+  return out;
+}
+
+/// All of what a verdict depends on beside the commit: the suite, its cases and what is accepted for them, the files they are made of, how a commit is built.
 std::string questionOf(const BisectCommand& command, const Suite& suite, const std::vector<std::string>& cases,
                        const std::map<std::string, Accepted>& accepted) {
   BisectJson j = {{"suite", readAll(suite.file)}, {"build", command.build}, {"program", command.program}, {"timeout", command.limitSeconds}};
   for (const RegressCase& c : suite.cases) {
     const auto entry = accepted.find(c.name);
     if (std::find(cases.begin(), cases.end(), c.name) == cases.end()) continue;
-    std::error_code error;
-    const auto size = fs::file_size(c.scene, error);
-    const auto time = error ? 0 : fs::last_write_time(c.scene, error).time_since_epoch().count();
-    j["cases"].push_back({c.name, entry->second.digest, c.scene, error ? 0 : size, error ? 0 : time});
+    j["cases"].push_back({c.name, entry->second.digest, c.scene, filesOfCase(c)});
   }
   const std::string text = j.dump(-1, ' ', false, BisectJson::error_handler_t::replace);
   return sha256Hex(text.data(), text.size());
@@ -105,13 +120,16 @@ class Bisect {
         cases_(std::move(cases)),
         question_(std::move(question)) {}
 
-  /// What is known of a commit, or else what a build and a run of it say.
-  Result<const Found*> look(const Commit& commit) {
+  /// What is known of a commit, or else what a build and a run of it say. `again`: a skip of an earlier bisection is not taken for an answer; what was amiss
+  /// then, a tool or a disk, may be mended.
+  Result<const Found*> look(const Commit& commit, bool again = false) {
     const auto known = found_.find(commit.id);
     if (known != found_.end()) return &known->second;
     Found found;
-    if (!readVerdict(commit, found)) {
+    if (!readVerdict(commit, found) || (again && found.judged.verdict == Verdict::Skip)) {
       GOBO_ASSIGN(found, tryCommit(commit));
+      // Who stops a service ends all its processes, so that the child may be gone first: that says nothing of the commit.
+      if (found.judged.verdict == Verdict::Skip && interrupted()) return Status(Code::Cancelled, "interrupted");
       GOBO_TRY(writeVerdict(commit, found));
     }
     return &(found_[commit.id] = std::move(found));
@@ -285,7 +303,7 @@ Result<int> runBisection(const SessionOptions& session, const BisectCommand& com
   Bisect bisect(session, command, suite, commits, work, cases, questionOf(command, suite, cases, accepted));
 
   const auto end = [&](const char* option, const std::string& revision, const Commit& commit, Verdict wanted, const char* instead) -> Status {
-    GOBO_ASSIGN(const Found* const found, bisect.look(commit));
+    GOBO_ASSIGN(const Found* const found, bisect.look(commit, true));
     say(commit, *found, "");
     if (found->judged.verdict == wanted) return {};
     return invalidArgument(std::string(option) + " = \"" + revision + "\" (" + commit.shortId() +

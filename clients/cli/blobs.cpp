@@ -23,11 +23,13 @@ namespace {
 constexpr size_t kPiece = 512 << 10;  // with its frame below any limits.request_bytes
 constexpr int kTries = 8;             // of connections that break one after the other
 constexpr int kBusyTries = 40;        // while another call puts the same file
+constexpr int kMostPuts = 3;          // of one file: one that is still missing then has to go for others each time
 
 Result<LocalBlob> sized(const std::string& path) {
   std::error_code error;
   const uint64_t bytes = fs::file_size(path, error);
   if (error) return notFound("cannot read \"" + path + "\"");
+  if (bytes == 0) return invalidArgument("the file is empty", path);
   return LocalBlob{path, "", bytes};
 }
 
@@ -41,6 +43,7 @@ Result<LocalBlob> blobOf(const std::string& path) {
     sha.add(piece.data(), size_t(in.gcount()));
     out.bytes += uint64_t(in.gcount());
   }
+  if (out.bytes == 0) return invalidArgument("the file is empty", path);
   out.sha256 = sha.hex();
   return out;
 }
@@ -152,6 +155,7 @@ Result<std::map<std::string, LocalBlob>> filesOf(const std::string& scene) {
 Status putBlobs(Session& session, const std::map<std::string, LocalBlob>& blobs) {
   std::map<std::string, LocalBlob> byDigest;
   for (const auto& [name, blob] : blobs) byDigest[blob.sha256] = blob;
+  std::map<std::string, int> puts;  // that were answered with Ok
   int broken = 0, busy = 0;
   bool said = false;
   for (;;) {
@@ -165,10 +169,14 @@ Status putBlobs(Session& session, const std::map<std::string, LocalBlob>& blobs)
     said = true;
     Status status;
     for (const auto& m : reply.missing()) {
-      status = putOne(session, byDigest[m.blob().sha256()], m.received());
+      const LocalBlob& blob = byDigest[m.blob().sha256()];
+      if (puts[blob.sha256] >= kMostPuts)
+        return Status(Code::ResourceExhausted, "the server does not keep \"" + blob.path + "\" beside the scene's other files (blobs.bytes)");
+      status = putOne(session, blob, m.received());
       // What was there does not fit and is dropped: it is asked for again.
       if (status.code() == Code::InvalidArgument && m.received() > 0) status = {};
       if (!status.ok()) break;
+      ++puts[blob.sha256];
     }
     if (status.code() == Code::ResourceExhausted && exitCodeOf(status) == kBusy && ++busy < kBusyTries) {
       std::this_thread::sleep_for(std::chrono::milliseconds(250));

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "command_line.h"
 
+#include <cmath>
 #include <cstdio>
+#include <limits>
 #include <map>
 #include <sstream>
 
 #include "base/closest.h"
 #include "measurement/provenance.h"
+#include "server/log.h"
 
 #include <google/protobuf/descriptor.h>
 
@@ -29,6 +32,19 @@ constexpr const char* kPlanAllHelp = "show every row of the plan; by default row
 template <typename T>
 CLI::Option* value(CLI::App& app, const std::string& names, T& target, const std::string& type, const std::string& help) {
   return app.add_option(names, target, help)->type_name(type);
+}
+
+/// For options of real numbers. CLI11's own compare with < and >, which not-a-number passes, and print bounds of 309 digits.
+CLI::Validator realNumber(double low, bool open, double high = std::numeric_limits<double>::infinity()) {
+  const std::string range =
+      std::string(" must be a finite number ") + (open ? "above " : "of at least ") + strf("%g", low) + (std::isfinite(high) ? strf(" and at most %g", high) : "");
+  return CLI::Validator(
+      [=](std::string& text) -> std::string {
+        double v = 0;
+        const bool in = CLI::detail::lexical_cast(text, v) && std::isfinite(v) && (open ? v > low : v >= low) && v <= high;
+        return in ? "" : text + range;
+      },
+      "");
 }
 
 /// What shadows.style has, as the schema says it; lines of 120 columns.
@@ -109,13 +125,13 @@ void addRequestOptions(CLI::App& app, RequestOptions& o, bool scheduling = true)
   value(app, "--denoise", o.denoise, filterNames(),
         "how noise is taken out of path-traced light (docs/noise.md); fireflies before it: --set denoise.outliers=path_density");
   auto* spp = value(app, "--spp", o.spp, "N", "samples per pixel")->check(CLI::Range(1, 1048576).description(""));
-  auto* time = value(app, "--time", o.time, "SECONDS", "stop after this time")->check(CLI::Validator(CLI::PositiveNumber).description(""));
+  auto* time = value(app, "--time", o.time, "SECONDS", "stop after this time")->check(realNumber(0, true));
   auto* error = value(app, "--error", o.error, "RMSE", "stop when the certificate's upper bound is at most this")
-                    ->check(CLI::Validator(CLI::PositiveNumber).description(""));
+                    ->check(realNumber(0, true));
   spp->excludes(time)->excludes(error);
   time->excludes(error);
   if (!scheduling) return;
-  value(app, "--deadline", o.deadlineMs, "MS", "give up after this many milliseconds")->check(CLI::Validator(CLI::PositiveNumber).description(""));
+  value(app, "--deadline", o.deadlineMs, "MS", "give up after this many milliseconds")->check(realNumber(0, true));
   value(app, "--priority", o.priority, choices(v1::Scheduling::Class_descriptor()), "class of the scheduler");
 }
 
@@ -190,7 +206,7 @@ void CommandLine::addSession() {
   value(app, "--cache", session.cache, "FOLDER", "--local: the disk cache");
   value(app, "--threads", session.threads, "N", "--local: render threads; 0: all")->check(CLI::Range(0, 1024).description(""));
   value(app, "--ocio", session.ocio, "FILE", "--local: OpenColorIO config of encoding.display and view; default $OCIO");
-  value(app, "--timeout", session.timeoutSeconds, "SECONDS", "a call may take; 0: any")->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
+  value(app, "--timeout", session.timeoutSeconds, "SECONDS", "a call may take; 0: any")->check(realNumber(0, false));
   value(app, "--upload-limit", session.uploadMiB, "MIB", "of a scene file that is uploaded when the server cannot open it; default 512");
   value(app, "--token-file", session.tokenFile, "FILE", "bearer token for the server (first line); default $GOBO_TOKEN");
   app.add_flag("--tls", session.tls, "encrypt; trust the system's certificates");
@@ -245,7 +261,7 @@ void CommandLine::addRendering() {
         "a field of the renders to come that changes the scene: time_s, animation, variant, seed; repeat for several")
       ->allow_extra_args(false);
   value(*precompute, "--deadline", precompute_.request.deadlineMs, "MS", "give up after this many milliseconds; blocks that are done stay")
-      ->check(CLI::Validator(CLI::PositiveNumber).description(""));
+      ->check(realNumber(0, true));
   value(*precompute, "--priority", precompute_.request.priority, choices(v1::Scheduling::Class_descriptor()), "class of the scheduler");
   precompute->add_flag("--progressive", precompute_.progressive, "progress also when standard error is no terminal");
   precompute->add_flag("-q,--quiet", precompute_.quiet, "print errors and warnings only");
@@ -318,7 +334,7 @@ void CommandLine::addJobs() {
       command(*jobs, "submit", "queue a render of one or more frames; prints the job's id", [this] { return runJobSubmit(session, submit_, json); });
   value(*submit, "scene", submit_.scene, "SCENE", "file, id or built-in name (may come from --request)");
   value(*submit, "--frames", submit_.frames, "FIRST[-LAST[:STEP]],...", "frame numbers, both ends included, in the order of rendering, such as 1,5,9-20:2");
-  value(*submit, "--fps", submit_.fps, "N", "animation time of a frame is FRAME / N")->check(CLI::Validator(CLI::PositiveNumber).description(""));
+  value(*submit, "--fps", submit_.fps, "N", "animation time of a frame is FRAME / N")->check(realNumber(0, true));
   value(*submit, "--name", submit_.name, "TEXT", "for people; starts the names of the files");
   value(*submit, "--key", submit_.key, "TEXT", "the same key and job again: the job that is there");
   value(*submit, "--outputs", submit_.request.outputs, "OUTPUTS", kOutputsHelp);
@@ -328,7 +344,7 @@ void CommandLine::addJobs() {
   submit->add_flag("--certificate", submit_.request.certificate, "ask for an error estimate");
   value(*submit, "--job-priority", submit_.priority, choices(v1::JobSpec::Priority_descriptor()), "between jobs; default MEDIUM");
   value(*submit, "--job-deadline", submit_.deadlineSeconds, "SECONDS", "the job fails when it is not done by then")
-      ->check(CLI::Validator(CLI::PositiveNumber).description(""));
+      ->check(realNumber(0, true));
   value(*submit, "--max-attempts", submit_.attempts, "N", "of each frame; default 3")->check(CLI::Range(1, 100).description(""));
   value(*submit, "--tile-px", submit_.tile, "N", "render each frame in squares of this side, by several workers; whole if absent")
       ->check(CLI::Range(16, 16384).description(""));
@@ -409,7 +425,7 @@ void CommandLine::addRegress() {
   value(*bisect, "--program", bisect_.program, "PATH", "what the build makes of gobo, below that folder; default build/clients/gobo");
   value(*bisect, "--work", bisect_.work, "FOLDER", "of builds and what was found so far; default one of the repository's below ~/.cache/gobo/bisect");
   value(*bisect, "--limit", bisect_.limitSeconds, "SECONDS", "skip a commit whose build, or whose run, takes longer; default any time")
-      ->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
+      ->check(realNumber(0, false));
 }
 
 void CommandLine::addMeasure() {
@@ -457,9 +473,9 @@ void CommandLine::addTools() {
   value(*compare, "b", compare_.b, "FILE", "picture, as the first")->required();
   value(*compare, "--diff", compare_.diff, "FILE", "write a signed difference picture (PNG)");
   value(*compare, "--scale", compare_.scale, "X", "error at full colour in --diff; default the largest")
-      ->check(CLI::Validator(CLI::Range(1e-30, 1e30)).description(""));
+      ->check(realNumber(1e-30, false, 1e30));
   value(*compare, "--max-rmse", compare_.maxRmse, "X", "exit 1 when the RMSE is above this, or a pixel is not finite in one alone")
-      ->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
+      ->check(realNumber(0, false));
 
   CLI::App* occlusion = command(app, "occlusion", "visibility of one light along a row or column of the picture, by several shadow techniques and by rays",
                                 [this] { return runOcclusion(session, occlusion_); });
@@ -485,17 +501,17 @@ void CommandLine::addTools() {
   value(*environment, "--bands", environment_.bands, "N", "of spherical harmonics; default 5")->check(CLI::Range(2, 10).description(""));
   value(*environment, "--lights", environment_.lights, "N", "at most; default 16")->check(CLI::Range(0, 64).description(""));
   value(*environment, "--light-share", environment_.lightShare, "X", "moments: of the luminous flux that makes a peak a light; default 0.02")
-      ->check(CLI::Range(0.001, 1.0).description(""));
+      ->check(realNumber(0.001, false, 1.0));
   value(*environment, "--method", environment_.method, "moments|published",
         "how it is split: moments is environment.transfer's; published is that of the thesis of 2007, to compare with, and takes the options that follow");
   value(*environment, "--window", environment_.window, "none|hann|lanczos|least",
         "published: damps bands of the harmonics; least: no more than leaves nothing below 0; default none");
   value(*environment, "--radius", environment_.radius, "fixed|basin|best|curvature", "published: how large a light is; default fixed");
   value(*environment, "--radius-deg", environment_.radiusDeg, "DEG", "published: half angle of fixed lights; default 4.22")
-      ->check(CLI::Range(0.5, 60.0).description(""));
+      ->check(realNumber(0.5, false, 60.0));
   value(*environment, "--refine", environment_.refine, "none|quadric|log", "published: places of lights between vertices; default log");
   value(*environment, "--weber", environment_.weber, "X", "published: a light that adds no more than this fraction ends the list; default 0.03")
-      ->check(CLI::Range(0.001, 0.999).description(""));
+      ->check(realNumber(0.001, false, 0.999));
   value(*environment, "--power", environment_.power, "published|residual",
         "published: lights beside the harmonics of all of the map (they count twice), or taken out of them; default published");
   value(*environment, "--fit", environment_.fit, "greedy|l2|nnls|haar",

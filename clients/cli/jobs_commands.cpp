@@ -197,7 +197,7 @@ class Incoming {
     path_ = (fs::path(folder) / name).string();
     part_ = path_ + "." + std::to_string(::getpid()) + ".part";
     out_.open(part_, std::ios::binary | std::ios::trunc);
-    if (!out_) return internalError("cannot write \"" + part_ + "\"");
+    if (!out_) return ioError("cannot write file", path_);
     sha_ = std::make_unique<Sha256>();
     at_ = 0;
     return {};
@@ -205,6 +205,7 @@ class Incoming {
   Status add(const v1::FetchedChunk& chunk) {
     if (!sha_ || chunk.offset() != at_) return {Code::DataLoss, "the server's answer is damaged: a chunk out of place"};
     out_.write(chunk.data().data(), std::streamsize(chunk.data().size()));
+    if (!out_) return ioError("cannot write file", path_);
     sha_->add(chunk.data().data(), chunk.data().size());
     at_ += chunk.data().size();
     return {};
@@ -213,8 +214,12 @@ class Incoming {
   Status finish() {
     if (!sha_) return {};
     out_.close();
+    if (!out_) {
+      const Status why = ioError("cannot write file", path_);
+      discard();
+      return why;
+    }
     const std::string digest = std::exchange(sha_, nullptr)->hex();
-    if (!out_) return discard(), internalError("cannot write \"" + part_ + "\"");
     if (at_ != head_.file().bytes() || digest != head_.file().sha256())
       return discard(), Status(Code::DataLoss, "\"" + head_.file().name() + "\": the bytes do not have their digest");
     std::error_code error;

@@ -1,15 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 // gobo: the command line client of gobod. `gobo man` and docs/protocol.md describe commands, exit codes and --set.
+#include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <iostream>
 
 #include "command_line.h"
+
+/// The exit code once all that was said is written: a full disk must not look like a success.
+static int finished(int code) {
+  const bool written = std::fflush(stdout) == 0 && !std::ferror(stdout);
+  if (written && std::cout.flush()) return code;
+  std::fprintf(stderr, "gobo: cannot write to standard output: %s\n", std::strerror(errno));
+  return code == gobo::cli::kOk ? int(gobo::cli::kFailure) : code;
+}
 
 int main(int argc, char** argv) {
   using namespace gobo::cli;
   if (argc > 1 && std::strcmp(argv[1], "__complete") == 0) {  // asked by the scripts of `gobo completion`
     for (const std::string& line : complete({argv + 2, argv + argc})) std::printf("%s\n", line.c_str());
-    return kOk;
+    return finished(kOk);
   }
   CommandLine line;
   try {
@@ -19,8 +29,8 @@ int main(int argc, char** argv) {
       std::fprintf(stderr, "gobo: %s\n", text.c_str());
       return kUsage;
     }
-    return line.app.exit(e) == 0 ? kOk : kUsage;
+    return finished(line.app.exit(e) == 0 ? kOk : kUsage);
   }
   watchInterrupts();
-  return line.run();
+  return finished(line.run());
 }

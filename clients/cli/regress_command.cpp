@@ -43,6 +43,12 @@ class OutputFolder {
   std::string path(const std::string& file) const { return (folder_ / file).string(); }
   std::string parts(const std::string& name) const { return path(name + ".parts.exr"); }
   std::string picture(const std::string& name, const char* kind) const { return path(name + "." + kind + ".png"); }
+  /// What an earlier run left of a case.
+  void forget(const std::string& name) const {
+    std::error_code error;
+    fs::remove(parts(name), error);
+    for (const char* kind : {"now", "reference", "evidence"}) fs::remove(picture(name, kind), error);
+  }
 
  private:
   std::string option_;
@@ -165,10 +171,16 @@ void judge(const ChangeFigures& f, const RegressCase& c, CaseRecord& r) {
   if (c.maxRays > 0 && rays > c.maxRays) r.status = CaseStatus::Slower, r.message += strf("; %.2f times the reference's rays, max_rays = %g", rays, c.maxRays);
 }
 
+/// The server is gone, or somebody has had enough: the other cases would say the same.
+bool endsRun(const Status& status) { return !status.ok() && (status.code() == Code::Unavailable || interrupted()); }
+
 Status runCase(Session& session, const Suite& suite, const RegressCase& c, const References& references, const std::map<std::string, Accepted>& accepted,
                const OutputFolder& out, CaseRecord& record) {
   const auto entry = accepted.find(c.name);
-  GOBO_ASSIGN(const Rendered now, renderParts(session, c));
+  Result<Rendered> rendered = renderParts(session, c);
+  // Else the report shows a case that fails with pictures of another run. One that ends here leaves the last run as it is.
+  if (!endsRun(rendered.status())) out.forget(c.name);
+  GOBO_ASSIGN(const Rendered now, std::move(rendered));
   GOBO_TRY(checkRender(c, now.parts));
   record.facts = now.facts;
   GOBO_ASSIGN(const std::vector<uint8_t> bytes, encodeParts(now.parts));
@@ -176,9 +188,6 @@ Status runCase(Session& session, const Suite& suite, const RegressCase& c, const
   record.partsDigest = sha256Hex(bytes.data(), bytes.size());
   const Image mean = meanOf(now.parts), shown = toneMapped(mean, now.toneMap);
   GOBO_TRY(writePng(out, c.name, "now", shown));
-  std::error_code error;
-  fs::remove(out.picture(c.name, "reference"), error);  // of an earlier run
-  fs::remove(out.picture(c.name, "evidence"), error);
   if (entry == accepted.end()) {
     record.status = CaseStatus::Missing;
     record.message = "nothing is accepted yet: gobo regress accept " + suite.file + " " + c.name + " --by NAME --why TEXT" + out.option();
@@ -251,11 +260,13 @@ Result<int> run(const SessionOptions& options, const RegressCommand& command) {
   GOBO_ASSIGN(const auto accepted, references.accepted());
   GOBO_ASSIGN(const std::unique_ptr<Session> session, Session::open(options));
   RunRecord record{suite.name, timeNow(), buildVersion(), {}};
+  const Unfinished unfinished;  // Ctrl-C leaves no temporary files
   for (const RegressCase* c : cases) {
+    if (interrupted()) return Status(Code::Cancelled, "interrupted");
     CaseRecord r;
     r.name = c->name;
     const Status status = runCase(*session, suite, *c, references, accepted, out, r);
-    if (!status.ok() && (status.code() == Code::Unavailable || interrupted())) return status;  // the other cases would say the same
+    if (endsRun(status)) return status;
     if (!status.ok()) {
       r.status = CaseStatus::Failed;
       r.exitCode = exitCodeOf(status);
@@ -284,6 +295,7 @@ Result<int> accept(const RegressCommand& command) {
   const OutputFolder out(suite, command.out);
   GOBO_ASSIGN(const RunRecord last, lastRun(out));
   References references(suite.references);
+  const Unfinished unfinished;  // Ctrl-C leaves no temporary files in a folder that is committed
   int count = 0;
   for (const RegressCase* c : cases) {
     const CaseRecord* r = nullptr;

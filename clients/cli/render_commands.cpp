@@ -13,6 +13,7 @@
 #include "request/request.h"
 #include "request/style_sheet.h"
 #include "tiles.h"
+#include "words.h"
 
 namespace gobo::cli {
 
@@ -81,11 +82,10 @@ Result<v1::RenderRequest> describedBy(const RequestOptions& o) {
   }
   if (!o.camera.empty()) request.mutable_camera()->set_name(o.camera);
   if (!o.size.empty()) {
-    unsigned w = 0, h = 0;
-    char tail;
-    if (sscanf(o.size.c_str(), "%ux%u%c", &w, &h, &tail) != 2) return invalidArgument("--size " + o.size + ": must be WIDTHxHEIGHT, such as 640x480");
-    request.set_width(w);
-    request.set_height(h);
+    const auto size = pictureSize(o.size);
+    if (!size) return invalidArgument("--size " + o.size + ": must be WIDTHxHEIGHT, such as 640x480");
+    request.set_width(size->first);
+    request.set_height(size->second);
   }
   if (!o.environment.empty()) {
     std::error_code error;

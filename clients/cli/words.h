@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small words of the job commands: lists with commas, moments, enum names.
+// Small words of the commands: lists with commas, sizes of pictures, moments, enum names.
 #pragma once
 
 #include <algorithm>
 #include <cctype>
+#include <charconv>
+#include <cstdint>
 #include <ctime>
+#include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 namespace gobo::cli {
@@ -24,6 +29,17 @@ inline std::vector<std::string> commaList(const std::string& text) {
 inline std::string lower(std::string text) {
   for (char& c : text) c = char(std::tolower(static_cast<unsigned char>(c)));
   return text;
+}
+
+/// WIDTHxHEIGHT; none of anything else, a sign or what 32 bits do not hold among it.
+inline std::optional<std::pair<uint32_t, uint32_t>> pictureSize(std::string_view text) {
+  uint32_t width = 0, height = 0;
+  const char* const end = text.data() + text.size();
+  const auto first = std::from_chars(text.data(), end, width);
+  if (first.ec != std::errc() || first.ptr == end || *first.ptr != 'x') return std::nullopt;
+  const auto second = std::from_chars(first.ptr + 1, end, height);
+  if (second.ec != std::errc() || second.ptr != end) return std::nullopt;
+  return std::pair{width, height};
 }
 
 /// Local time; "-" for 0.

@@ -17,7 +17,7 @@ const body = document.body, vector = (v) => [v?.x ?? 0, v?.y ?? 0, v?.z ?? 0];
 const kRoots = ['lights', 'object', 'panel'].map($);
 // Outputs that are light: they come linear and are exposed here.
 const kRadiance = /^(beauty|emission|(in)?direct(_\w+)?|diffuse|specular|(group|unoccluded):.*)$/;
-let schema, scene, panel, edits = {}, orbit = null, lens = null, cameraTurn = 0, steps = 0, pickTurn = 0, retry = 0, stopped = false, cleaning = null, loaded = new Set();
+let schema, scene, panel, edits = {}, orbit = null, lens = null, cameraTurn = 0, steps = 0, stops = 0, pickTurn = 0, retry = 0, stopped = false, cleaning = null, loaded = new Set();
 
 const view = new View($('picture'), () => [edits.curves, edits.expressions].some((of) => of && Object.keys(of).some((p) => p.startsWith('tone_map'))) ? lastReply?.resolved.tone_map ?? {} : edits.tone_map ?? {});
 let lastReply = null;
@@ -134,7 +134,7 @@ function fail(error) {
   if (!offline) panel?.fault(error.message, kRoots);
   $('token').hidden = error.status !== 401;
   clearTimeout(retry);
-  if (offline) retry = setTimeout(scene ? returned : start, 1000);
+  if (offline) retry = setTimeout(() => choosing ? choose(choosing.id, choosing.first) : scene ? returned() : start(), 1000);
 }
 
 // A server that was started anew does not have the scene: it is opened again.
@@ -181,9 +181,10 @@ async function changed(path) {
   if (path[0] === 'time_s' || path[0] === 'animation') grip.hold();  // it may be elsewhere now
   // Exposure and curve of a picture that is here in linear light.
   if (path[0] === 'tone_map' && view.present?.picture.data && live.linear && !edits.curves && !edits.expressions) return draw();
+  const before = stops;
   try {
     if (kCameraFields.has(path[0])) await findCamera();
-    ask();
+    if (before === stops) ask();  // else Stop was pressed meanwhile
   } catch (error) { fail(error); }
 }
 
@@ -228,15 +229,19 @@ function build() {
   find();
 }
 
-// `first`: edits to begin with.
-let choice = 0;
+// `first`: edits to begin with. What is being chosen is chosen again once a server that is away is back.
+let choice = 0, choosing = null;
 async function choose(id, first = {}) {
   const own = ++choice;
+  choosing = { id, first };
   try {
-    const found = loaded.has(id) ? await getJson('/v1/scenes/' + encodeURIComponent(id)) : await postJson('/v1/scenes', { source: id });
+    const load = () => postJson('/v1/scenes', { source: id });
+    // One that was started anew does not have it any more.
+    const found = loaded.has(id) ? await getJson('/v1/scenes/' + encodeURIComponent(id)).catch((error) => error.code === 'NOT_FOUND' ? load() : Promise.reject(error)) : await load();
     loaded.add(found.id);
     if (own !== choice) return;  // another one was chosen while this one was loaded
     scene = found;
+    choosing = null;
     for (const key of Object.keys(edits)) delete edits[key];
     Object.assign(edits, first);
     cleanNoMore();
@@ -249,7 +254,14 @@ async function choose(id, first = {}) {
     build();
     await findCamera();
     if (own === choice) ask();
-  } catch (error) { if (own === choice) fail(error); }
+  } catch (error) {
+    if (own !== choice) return;
+    if (!isAway(error)) {
+      choosing = null;
+      if (scene) $('scene').value = scene.id;  // it stays what is seen
+    }
+    fail(error);
+  }
 }
 
 // What the address asks for: #scene=NAME&request={...}&frames=half.
@@ -369,6 +381,7 @@ toggled($('certify'), async (signal) => {
 
 function stop() {
   stopped = true;
+  ++stops;
   live.stop();
   cleanNoMore();
   showStop();

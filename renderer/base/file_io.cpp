@@ -26,6 +26,7 @@ Code codeOf(int error) {
     case EPERM:
     case EROFS: return Code::PermissionDenied;
     case ENOSPC:
+    case EFBIG:
     case EDQUOT:
     case EMFILE:
     case ENFILE: return Code::ResourceExhausted;

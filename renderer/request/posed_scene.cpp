@@ -14,9 +14,12 @@ Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& r
     return r.ok() ? std::move(r) : Result<ScenePtr>(Status(r.status().code(), r.status().message(), field));
   };
   GOBO_ASSIGN(const ScenePtr dressed, placed(withVariant(base, request.variant()), "request.variant"));
-  GOBO_ASSIGN(const ScenePtr posed,
-              placed(posedScene(dressed, request.animation(), request.time_s(), stop), "request.animation"));  // refuses unknown names even without a time
-  return withMeshEdits(request.has_time_s() ? posed : dressed, request, stop);
+  // Unknown names are refused even without a time, which alone poses: a pose may cost much, or be refused.
+  if (const Status known = chosenAnimations(*dressed, request.animation()).status(); !known.ok())
+    return Status(known.code(), known.message(), "request.animation");
+  if (!request.has_time_s()) return withMeshEdits(dressed, request, stop);
+  GOBO_ASSIGN(const ScenePtr posed, placed(posedScene(dressed, request.animation(), request.time_s(), stop), "request.time_s"));
+  return withMeshEdits(posed, request, stop);
 }
 
 Result<ScenePtr> PosedScenes::get(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop) {

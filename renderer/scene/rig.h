@@ -126,6 +126,8 @@ struct Variants {
 Status sealRig(Rig& rig, const Scene& scene);
 size_t rigBytes(const Rig& rig);
 
+/// What posedScene takes a name for: all that it chooses, none where there are none and none is named. Errors: NotFound that lists the names.
+Result<std::vector<const RigAnimation*>> chosenAnimations(const Scene& scene, std::string_view animation);
 /// The scene at `time` seconds of an animation: "" = the first, "*" = all at once (a later one wins where two move the same
 /// thing). Time is clamped to each channel's keys. Nodes that no channel of it moves stay as the rest pose has them, and
 /// what stays is shared: unchanged meshes keep their MeshPtr. A scene without animations is returned as it is when no name

@@ -11,43 +11,19 @@ namespace gobo {
 inline namespace scene {
 namespace {
 
-/// A transform that tracers can invert: an axis of no length becomes thin, and where several have none the object becomes a
-/// speck, as a node scaled to nothing is hidden.
-Mat4 solid(Mat4 m) {
-  if (std::fabs(glm::determinant(Mat3(m))) > 0.0f) return m;
-  int flat = -1, flats = 0;
-  float longest = 0.0f;
-  for (int c = 0; c < 3; ++c) {
-    const float length = glm::length(Vec3(m[c]));
-    longest = std::fmax(longest, length);
-    if (!(length > 0.0f)) {
-      flat = c;
-      ++flats;
-    }
-  }
-  const Vec3 n = flats == 1 ? glm::cross(Vec3(m[(flat + 1) % 3]), Vec3(m[(flat + 2) % 3])) : Vec3(0.0f);
-  const float area = glm::length(n);
-  if (area > 0.0f) {
-    m[flat] = Vec4(n * (1e-6f * longest / area), 0.0f);
-    if (std::fabs(glm::determinant(Mat3(m))) > 0.0f) return m;
-  }
-  for (int c = 0; c < 3; ++c) {
-    m[c] = Vec4(0.0f);
-    m[c][c] = 1e-9f;
-  }
-  return m;
-}
+/// Of unit length, also where its square is no float; not finite where it has no length.
+Vec3 unitAxis(const Vec3& v) { return glm::dot(v, v) > 1e-30f ? glm::normalize(v) : Vec3(glm::normalize(DVec3(v))); }
 
 void placeLight(const RigFollower& f, const Mat4& world, const Mat4& frame, LightShape& s) {
   s.position = Vec3(frame[3]);
   s.axis = -Vec3(frame[2]);
   const float x = glm::length(Vec3(world[0])), y = glm::length(Vec3(world[1]));
   if (s.kind == LightKind::Rect) {
-    s.u = Vec3(frame[0]) * (f.half.x * x);
-    s.v = Vec3(frame[1]) * (f.half.y * y);
+    s.u = Vec3(frame[0]) * std::max(f.half.x * x, kLeastLampSize);
+    s.v = Vec3(frame[1]) * std::max(f.half.y * y, kLeastLampSize);
   }
   if (hasProfile(s)) s.u = Vec3(frame[0]);
-  if (s.kind == LightKind::Disk || s.kind == LightKind::Sphere) s.radius = f.radius * x;
+  if (s.kind == LightKind::Disk || s.kind == LightKind::Sphere) s.radius = std::max(f.radius * x, kLeastLampSize);
 }
 
 bool movable(LightKind k) { return k != LightKind::Mesh && k != LightKind::Environment; }
@@ -61,9 +37,12 @@ Status applyPose(const Rig& rig, const RigPose* rest, const RigPose& pose, Scene
     if (!moved[f.node]) continue;
     const Mat4 world(pose.world[f.node] * glm::dmat4(f.local));
     Mat4 frame;
-    if (f.kind == RigKind::Instance) scene.instances[f.object].toWorld = solid(world);
-    else if (!rigidFrame(world, frame)) continue;  // scaled to nothing: it stays where it was
-    else if (f.kind == RigKind::Camera) scene.cameras[f.object].toWorld = frame;
+    if (f.kind == RigKind::Instance) {
+      solidTransform(world, scene.instances[f.object].toWorld);
+      continue;
+    }
+    if (!rigidFrame(world, frame)) frame = turnedFrame(pose, f.node);  // scaled to nothing
+    if (f.kind == RigKind::Camera) scene.cameras[f.object].toWorld = frame;
     else if (movable(scene.lights[f.object].shape.kind)) placeLight(f, world, frame, scene.lights[f.object].shape);
   }
   for (size_t i = 0; i < rig.deformed.size(); ++i) {
@@ -91,10 +70,46 @@ std::string listed(const Items& items, Name name) {
 
 }  // namespace
 
+bool solidTransform(const Mat4& m, Mat4& out) {
+  const auto invertible = [](const Mat4& t) { return std::fabs(glm::determinant(Mat3(t))) > 0.0f; };
+  const Mat4 given = m;  // `out` may be `m`
+  out = given;
+  if (invertible(out)) return true;
+  int flat = 0;  // the axis beside the two that span the plane
+  float longest = 0.0f, area = 0.0f;
+  Vec3 normal(0.0f);
+  for (int c = 0; c < 3; ++c) {
+    longest = std::fmax(longest, glm::length(Vec3(given[c])));
+    const Vec3 n = glm::cross(Vec3(given[(c + 1) % 3]), Vec3(given[(c + 2) % 3]));
+    if (!(glm::length(n) > area)) continue;
+    flat = c;
+    area = glm::length(n);
+    normal = n;
+  }
+  if (area > 0.0f) {
+    out[flat] += Vec4(normal * (1e-6f * longest / area), 0.0f);
+    if (invertible(out)) return true;
+  }
+  for (int c = 0; c < 3; ++c) {
+    out[c] = Vec4(0.0f);
+    out[c][c] = 1e-9f;
+  }
+  return false;
+}
+
 bool rigidFrame(const Mat4& m, Mat4& out) {
-  const Vec3 z = glm::normalize(Vec3(m[2])), x = glm::normalize(glm::cross(Vec3(m[1]), z));
+  Vec3 z = unitAxis(Vec3(m[2]));
+  if (!isFinite(z)) z = unitAxis(glm::cross(unitAxis(Vec3(m[0])), unitAxis(Vec3(m[1]))));
+  Vec3 x = unitAxis(glm::cross(Vec3(m[1]), z));
+  if (!isFinite(x)) x = unitAxis(Vec3(m[0]) - glm::dot(Vec3(m[0]), z) * z);
   out = Mat4(Vec4(x, 0), Vec4(glm::cross(z, x), 0), Vec4(z, 0), m[3]);
   return isFinite(z) && isFinite(x);
+}
+
+Mat4 turnedFrame(const RigPose& pose, int node) {
+  Mat4 frame(glm::mat4_cast(pose.turn[node]));
+  frame[3] = Vec4(pose.world[node][3]);
+  return frame;
 }
 
 Status applyRestPose(const Rig& rig, Scene& scene, const StopToken& stop) {
@@ -102,18 +117,23 @@ Status applyRestPose(const Rig& rig, Scene& scene, const StopToken& stop) {
   return applyPose(rig, nullptr, pose, scene, stop);
 }
 
-Result<ScenePtr> posedScene(const ScenePtr& base, std::string_view animation, double time, const StopToken& stop) {
-  const Rig* rig = base->rig.get();
+Result<std::vector<const RigAnimation*>> chosenAnimations(const Scene& scene, std::string_view animation) {
+  const Rig* rig = scene.rig.get();
   std::vector<const RigAnimation*> chosen;
   if (rig)
     for (const RigAnimation& a : rig->animations)
       if (animation == "*" || a.name == animation || (animation.empty() && chosen.empty())) chosen.push_back(&a);
-  if (chosen.empty()) {
-    if (animation.empty() || animation == "*") return base;
+  if (chosen.empty() && !animation.empty() && animation != "*")
     return notFound("no animation '" + std::string(animation) +
                     "' (has: " + (rig ? listed(rig->animations, [](const RigAnimation& a) { return a.name; }) : "none") + ")");
-  }
+  return chosen;
+}
+
+Result<ScenePtr> posedScene(const ScenePtr& base, std::string_view animation, double time, const StopToken& stop) {
+  GOBO_ASSIGN(const std::vector<const RigAnimation*> chosen, chosenAnimations(*base, animation));
+  if (chosen.empty()) return base;
   if (!std::isfinite(time)) return invalidArgument("time is not finite");
+  const Rig* rig = base->rig.get();
   const RigPose rest = evaluatePose(*rig, {}, 0.0), pose = evaluatePose(*rig, chosen, time);
   return editScene(*base, [&](Scene& scene) -> Status { return applyPose(*rig, &rest, pose, scene, stop); });
 }

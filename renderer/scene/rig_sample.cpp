@@ -96,16 +96,21 @@ RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& cho
         for (const size_t i : morphed[c.node]) sampleAt(s, time, pose.weights[i].size(), false, pose.weights[i].data());
     }
   pose.world.resize(rig.nodes.size());
+  pose.turn.resize(rig.nodes.size());
   for (size_t i = 0; i < local.size(); ++i) {
     const RigNode& n = rig.nodes[i];
     glm::dmat4 m = n.matrix;
+    glm::dquat turn(1, 0, 0, 0);
+    if (Mat4 frame; n.fixed && rigidFrame(Mat4(m), frame)) turn = glm::quat_cast(glm::dmat3(Mat3(frame)));
     if (!n.fixed) {
-      m = glm::mat4_cast(glm::dquat(local[i].q[3], local[i].q[0], local[i].q[1], local[i].q[2]));
+      turn = glm::dquat(local[i].q[3], local[i].q[0], local[i].q[1], local[i].q[2]);
+      m = glm::mat4_cast(turn);
       for (int c = 0; c < 3; ++c) m[c] *= local[i].s[c];
       m[3] = glm::dvec4(local[i].t, 1.0);
     }
     if (n.parent < 0) m[3] -= glm::dvec4(rig.origin, 0.0);
     pose.world[i] = n.parent < 0 ? m : pose.world[n.parent] * m;
+    pose.turn[i] = n.parent < 0 ? turn : pose.turn[n.parent] * turn;
   }
   return pose;
 }

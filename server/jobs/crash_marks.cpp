@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/jobs/crash_marks.h"
 
-#include <fcntl.h>
 #include <signal.h>
-#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -15,6 +13,7 @@
 
 #include "base/mapped_faults.h"
 #include "server/log.h"
+#include "server/scratch.h"
 
 namespace gobo {
 inline namespace jobs {
@@ -25,6 +24,7 @@ namespace {
 constexpr uint64_t kMagic = 0x314b52414d4f4247ull;  // "GBOMARK1"
 constexpr uint64_t kMagicText = ~0ull >> 8;         // all but the digit, which is the version
 constexpr int kSlots = 128;                         // workers: at most 64
+constexpr int kMostMarkNames = 8;                   // that open() tries
 constexpr int kSignals[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
 
 std::atomic<std::atomic<int32_t>*> signalWord{nullptr};  // in the page of this process
@@ -77,14 +77,17 @@ Result<std::unique_ptr<CrashMarks>> CrashMarks::open(const std::string& folder) 
   };
   std::random_device random;
   const std::string marks = folder + "/marks";
-  self->path_ = marks + "/" + std::to_string(::getpid()) + "-" + std::to_string(random());
   if (::mkdir(marks.c_str(), 0700) != 0 && errno != EEXIST) return failed("make the folder of");
-  self->fd_ = ::open(self->path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (self->fd_ < 0 || ::flock(self->fd_, LOCK_EX | LOCK_NB) != 0) return failed("make");
+  for (int tries = 0; !self->fd_ && tries < kMostMarkNames; ++tries) {
+    self->path_ = marks + "/" + std::to_string(::getpid()) + "-" + std::to_string(random());
+    self->fd_ = lockNewFile(self->path_);
+    if (!self->fd_ && errno != EEXIST && errno != EWOULDBLOCK) break;
+  }
+  if (!self->fd_) return failed("make");
   // Written, not only made longer: a page of a full disk would end the process when it is touched.
   const std::vector<char> zeroes(sizeof(Page), 0);
-  if (::write(self->fd_, zeroes.data(), zeroes.size()) != ssize_t(zeroes.size())) return failed("write");
-  void* at = ::mmap(nullptr, sizeof(Page), PROT_READ | PROT_WRITE, MAP_SHARED, self->fd_, 0);
+  if (::write(self->fd_.get(), zeroes.data(), zeroes.size()) != ssize_t(zeroes.size())) return failed("write");
+  void* at = ::mmap(nullptr, sizeof(Page), PROT_READ | PROT_WRITE, MAP_SHARED, self->fd_.get(), 0);
   if (at == MAP_FAILED) return failed("map");
   self->page_ = static_cast<Page*>(at);
   self->page_->magic = kMagic;
@@ -102,10 +105,7 @@ CrashMarks::~CrashMarks() {
     othersWord.compare_exchange_strong(others, nullptr);
     ::munmap(page_, sizeof(Page));
   }
-  if (fd_ >= 0) {
-    ::unlink(path_.c_str());
-    ::close(fd_);
-  }
+  if (fd_) ::unlink(path_.c_str());
 }
 
 std::vector<CrashReport> CrashMarks::read(const std::string& folder) {
@@ -113,26 +113,23 @@ std::vector<CrashReport> CrashMarks::read(const std::string& folder) {
   std::error_code error;
   for (fs::directory_iterator it(folder + "/marks", error), end; !error && it != end; it.increment(error)) {
     const std::string path = it->path().string();
-    const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW);
-    if (fd < 0) continue;
-    if (::flock(fd, LOCK_EX | LOCK_NB) == 0) {  // its process is gone
-      alignas(Page) char bytes[sizeof(Page)] = {};
-      const ssize_t got = ::pread(fd, bytes, sizeof bytes, 0);
-      const Page& page = *reinterpret_cast<const Page*>(bytes);
-      if (page.magic != kMagic && (page.magic & kMagicText) == (kMagic & kMagicText))
-        logWarn("jobs: %s has version '%c', this build reads version '%c': what that crash left is not known", path.c_str(), char(page.magic >> 56),
-                char(kMagic >> 56));
-      if (got == ssize_t(sizeof bytes)) {
-        CrashReport report;
-        report.signal = page.signal.load();
-        for (const auto& slot : page.slots)
-          if (slot.job.load() != 0) report.tasks.push_back({slot.job.load(), slot.index.load()});
-        report.alone = report.tasks.size() == 1 && page.others.load() == 0;
-        if (page.magic == kMagic && report.signal != 0 && !report.tasks.empty()) reports.push_back(report);
-      }
-      ::unlink(path.c_str());
+    const gobo::Descriptor fd = lockAbandonedFile(path);
+    if (!fd) continue;
+    alignas(Page) char bytes[sizeof(Page)] = {};
+    const ssize_t got = ::pread(fd.get(), bytes, sizeof bytes, 0);
+    const Page& page = *reinterpret_cast<const Page*>(bytes);
+    if (page.magic != kMagic && (page.magic & kMagicText) == (kMagic & kMagicText))
+      logWarn("jobs: %s has version '%c', this build reads version '%c': what that crash left is not known", path.c_str(), char(page.magic >> 56),
+              char(kMagic >> 56));
+    if (got == ssize_t(sizeof bytes)) {
+      CrashReport report;
+      report.signal = page.signal.load();
+      for (const auto& slot : page.slots)
+        if (slot.job.load() != 0) report.tasks.push_back({slot.job.load(), slot.index.load()});
+      report.alone = report.tasks.size() == 1 && page.others.load() == 0;
+      if (page.magic == kMagic && report.signal != 0 && !report.tasks.empty()) reports.push_back(report);
     }
-    ::close(fd);
+    ::unlink(path.c_str());
   }
   return reports;
 }

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "base/descriptor.h"
 #include "base/status.h"
 #include "server/jobs/job_store.h"
 
@@ -60,7 +61,7 @@ class CrashMarks {
   struct Page;
   std::string path_;
   Page* page_ = nullptr;
-  int fd_ = -1;
+  gobo::Descriptor fd_;
 };
 
 }  // namespace jobs

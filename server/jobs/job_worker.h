@@ -2,7 +2,8 @@
 // JobWorker: threads that claim frames, render them as batch work of the daemon's scheduler, and report. Each frame's own thread
 // waits outside the slot: it renews the lease, writes checkpoints while the render goes on, and notices cancel, pause and lost
 // leases; so neither disk nor store ever holds the cores. A checkpoint is asked for by preempting the frame for a moment.
-// A finished frame is reported until the store has acknowledged it or said that the lease is over.
+// A finished frame is reported until the store has acknowledged it or said that the lease is over. Who gives one back because the scene cannot be had now
+// (of a coordinator, say) waits longer each time before the next claim.
 #pragma once
 
 #include <atomic>
@@ -51,6 +52,7 @@ class JobWorker {
  private:
   friend class TaskRun;
   void loop(int number);
+  void rest(double seconds, uint64_t& seen);  // as long as nobody stops this worker
   Engine& engine_;
   JobRunner& runner_;
   TaskStore& store_;

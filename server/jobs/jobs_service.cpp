@@ -76,7 +76,10 @@ grpc::Status JobsService::submit(Rpc& rpc, const v1::JobSpec& spec, v1::Job* rep
     if (!path.ok()) return path;
     const auto environment = environmentFile(rpc, spec.request(), "job.request.environment.digest", call.stop.token());
     if (!environment.ok()) return toGrpc(environment.status());
-    auto place = core_.planning.enter(rpc.who().name, [&] { return rpc.context().IsCancelled() || call.stop.token().stopRequested(); });
+    bool full = false;
+    auto place = core_.planning.enter(
+        rpc.who().name, [&] { return rpc.context().IsCancelled() || call.stop.token().stopRequested(); }, core_.plansFull(full));
+    if (!place && full) return rpc.refuseBusy("queue", core_.plansFullText(), ServerCore::kPlanRetryMs);
     if (!place) return toGrpc(Status(Code::Cancelled, "cancelled while it waited to be planned"));
     auto job = makeJob(spec, *client, core_.engine, now, rpc.access(), call.stop.token(), environment->path);
     place.reset();  // planned

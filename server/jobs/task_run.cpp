@@ -275,7 +275,7 @@ Status TaskRun::deliver(const std::vector<EncodedImage>& images) {
   return {};
 }
 
-void TaskRun::run() {
+bool TaskRun::run() {
   control_ = w_.hub_.control();
   gap_ = checkpointSeconds_ = w_.checkpointSeconds_.load();
   const double lasts = w_.leaseSeconds_.load();
@@ -287,6 +287,7 @@ void TaskRun::run() {
   Status status = render(images);
   if (status.ok()) status = deliver(images);
   finish(status);
+  return !wanting_;
 }
 
 void TaskRun::finish(const Status& status) {
@@ -317,6 +318,7 @@ void TaskRun::finish(const Status& status) {
   }
   Status told;
   if (end() == End::Release || transient) {
+    wanting_ = end() != End::Release;
     told = report("release", [&] { return w_.store_.release(lease_); });
     logInfo("job %s released at %.0f %%", name.c_str(), progress_.load() * 100);
   } else {

@@ -13,7 +13,8 @@ inline namespace jobs {
 class TaskRun {
  public:
   TaskRun(JobWorker& worker, Lease lease) : w_(worker), lease_(std::move(lease)) {}
-  void run();
+  /// False: the frame was given back because this worker cannot have what it needs now, so that taking it again at once would be for nothing.
+  bool run();
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -51,6 +52,7 @@ class TaskRun {
   double storedProgress_ = 0, shown_ = -1;
   Clock::time_point lastCheckpoint_ = Clock::now(), begun_ = Clock::now();
   bool sceneFault_ = false;
+  bool wanting_ = false;            // what run() answers with
   bool inputFault_ = false;         // of files that this daemon reads: another try is one of the frame's, or one that nobody can read would be tried for ever
   double checkpointSeconds_ = 0;    // what gap_ was made of
   std::atomic<double> gap_{0};      // seconds between checkpoints

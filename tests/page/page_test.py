@@ -682,6 +682,20 @@ class Ends(PageCase):
         self.page.until("document.body.dataset.state === 'done'")
         self.assertEqual(self.page.run("[window.asked, document.body.dataset.clean, document.getElementById('stop').disabled]"), [["/v1/render/stream"], "no", True])
 
+    def test_stop_holds_back_what_waits_for_the_camera(self):
+        self.open()
+        self.page.run("window.held = new Promise((go) => { window.letGo = go }); window.asked = 0; true")
+        self.page.run(camera_question("const answer = await own(path, o); await window.held; return answer"))
+        self.page.run("(() => { const own = window.fetch; window.fetch = (path, o) => { window.asked += path.includes('/v1/render/stream'); return own(path, o) }; return true })()")
+        self.page.run(field("camera.yfov_deg", 40))
+        self.page.key("Escape")
+        self.page.run("window.letGo(); true")
+        self.page.until("document.body.dataset.camera === 'known'")
+        self.page.run("new Promise((go) => setTimeout(go, 50))")
+        self.assertEqual(self.page.run("window.asked"), 0)
+        self.after(field("seed", 1))
+        self.assertEqual(self.page.run("window.asked"), 1)
+
     def test_a_lost_server_is_said_and_found_again(self):
         self.open()
         self.daemon.kill()
@@ -699,6 +713,17 @@ class Ends(PageCase):
         x, y, w, h = self.box()
         self.drag(x + w / 2, y + h / 2, 60, 0)
         self.assertIn("position", self.request().get("camera", {}))
+        # Lost while another scene was loaded: that one comes.
+        self.page.run("(() => { const own = window.fetch; window.fetch = async (path, o) => { if (String(path).includes('/v1/scenes') && !window.gone) "
+                      "{ window.gone = true; throw new TypeError('nobody answers') } return own(path, o) }; return true })()")
+        before = self.frames()
+        self.page.run("(() => { const s = document.getElementById('scene'); s.value = 'grids'; s.dispatchEvent(new Event('change')); return true })()")
+        self.page.until(f"window.gone && {DONE.format(before)}", 60)
+        self.assertEqual(self.request()["scene"], "grids")
+        # One that is none: the scene that is seen keeps its name.
+        self.page.run("(() => { const s = document.getElementById('scene'); s.append(new Option('nosuch')); s.value = 'nosuch'; s.dispatchEvent(new Event('change')); return true })()")
+        self.page.until("document.getElementById('scene').value === 'grids'")
+        self.assertIn("nosuch", self.page.run(text("error")))
         self.page.complaints()  # the browser says that nobody answered
 
     def test_gobo_view_a_wrong_token_and_a_reload(self):

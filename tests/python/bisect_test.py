@@ -11,13 +11,17 @@ import tempfile
 import time
 import unittest
 
-from support import CLI
+import numpy as np
+
+import gobo
+from support import CLI, gltf
 
 SUITE = '[[case]]\nname = "box"\nscene = "cornell"\nsize = "32x24"\nspp = 2\n\n[[case]]\nname = "depth"\nscene = "cornell"\nsize = "32x24"\noutput = "depth"\nparts = 1\n'
 # What a commit is: `lamp`, a gain (or "crash", "fails", "late"); `depth`, a line of that case; `build`, what its build says. The program puts them into the suite
 # that it is given.
 BUILD = r'''
 echo built >> "$COUNT"
+[ ! -e "$COUNT.broken" ] || { echo "no compiler today"; exit 2; }
 [ "$(cat build)" = ok ] || { echo "cannot build this"; exit 2; }
 mkdir -p out
 cat > out/gobo <<'END'
@@ -150,6 +154,58 @@ class Bisect(unittest.TestCase):
         self.assertRegex(said.stderr, r"skip\* fails \(its program left with exit code 2 without a record of the run: .*run\.log\)")
         self.assertIn("cannot build this", (self.work / "commits" / broken[0] / "build.log").read_text())
 
+    def test_head_is_the_worktrees_own(self):
+        self.accept()
+        good = self.commit("first")
+        self.git("worktree", "add", "-q", "-b", "side", self.folder / "linked")
+        self.commit("later on main")
+        linked, self.repo = self.repo, self.folder / "linked"
+        culprit = self.commit("redder on the side", lamp="1.2,1,1")
+        self.assertEqual(self.answer(good, "HEAD")["first_bad"]["commit"], culprit)
+        self.assertEqual(self.answer("HEAD~1", "HEAD")["first_bad"]["commit"], culprit)
+        self.repo = linked
+        self.assertIn("passes", self.bisect(good, "HEAD", expect=2).stderr)
+
+    def test_files_of_the_cases_are_part_of_the_question(self):
+        sky = np.linspace(0.1, 3, 8)[:, None] * np.ones((8, 16))
+
+        def write(gain):
+            gobo.exr.write(str(self.folder / "sky.exr"), {c: (gain * sky).astype(np.float32) for c in "RGB"})
+        write(1)
+        gltf(self.folder)
+        self.suite.write_text(SUITE + '\n[[case]]\nname = "sky"\nscene = "tri.gltf"\nsize = "32x24"\nspp = 4\nset = ["environment.path=sky.exr"]\n', encoding="utf-8")
+        self.accept()
+        good = self.commit("first")
+        bad = self.commit("redder", lamp="1.2,1,1")
+        self.assertEqual((self.answer(good, bad)["first_bad"]["commit"], self.builds()), (bad, 2))
+        self.assertEqual((self.answer(good, bad)["first_bad"]["commit"], self.builds()), (bad, 2))
+        for count, name in ((4, "tri data.bin"), (6, "sky.exr")):        # a buffer beside the .gltf, the map
+            os.utime(self.folder / name, (1e9, 1e9))
+            self.assertEqual((self.answer(good, bad)["first_bad"]["commit"], self.builds()), (bad, count), name)
+        write(2)
+        self.assertIn('fails already: case "sky" is changed', self.bisect(good, bad, expect=2).stderr)
+        # A map that is named by an absolute path is one too.
+        write(1)
+        self.suite.write_text(self.suite.read_text().replace("=sky.exr", f"={self.folder}/sky.exr"), encoding="utf-8")
+        self.answer(good, bad)
+        write(2)
+        self.assertIn('fails already: case "sky" is changed', self.bisect(good, bad, expect=2).stderr)
+
+    def test_ends_that_could_not_be_told_are_tried_again(self):
+        self.accept()
+        good = self.commit("first")
+        skipped = self.commit("does not build", build="no")
+        bad = self.commit("redder", lamp="1.2,1,1")
+        broken = pathlib.Path(str(self.count) + ".broken")
+        broken.touch()
+        for tries in (1, 2):
+            self.assertIn(f'--good = "{good}" ({good[:12]}): cannot be told: its build left with exit code 2', self.bisect(good, bad, expect=2).stderr)
+            self.assertEqual(self.builds(), tries)
+        broken.unlink()
+        found = self.answer(good, bad, expect=1)
+        self.assertEqual(([c["commit"] for c in found["suspects"]], found["builds"]), ([skipped, bad], 3))
+        self.assertEqual(self.answer(good, bad, expect=1)["builds"], 0)     # a skip between the ends is kept
+
     def test_two_changes_and_a_merge(self):
         self.accept()
         good = self.commit("first")
@@ -217,6 +273,23 @@ class Bisect(unittest.TestCase):
         self.git("-C", self.work, "init", "-q")
         self.assertEqual(self.answer(good, bad)["builds"], 1)
         self.assertTrue((self.work / "lock").exists())
+
+    def test_what_ends_the_child_as_well_is_no_verdict(self):
+        self.accept()
+        good = self.commit("first")
+        late = self.commit("late", lamp="late")
+        bad = self.commit("redder", lamp="1.2,1,1")
+        process, child = self.start(good, bad)
+        process.send_signal(signal.SIGTERM)                          # as a service's stop: every process of it
+        try:
+            os.killpg(child, signal.SIGTERM)
+        except ProcessLookupError:
+            pass                                                     # the bisection was faster
+        _, said = process.communicate(timeout=30)
+        self.assertEqual(process.returncode, 5, said)
+        self.assertFalse((self.work / "commits" / late / "verdict.json").exists())
+        pathlib.Path(str(self.count) + ".go").touch()
+        self.assertEqual(self.answer(good, bad)["first_bad"]["commit"], bad)
 
     def test_refusals(self):
         self.accept()

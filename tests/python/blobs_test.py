@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files for a gobod that may open nothing: scenes with side files and environments are sent once, by both clients."""
+import json
 import os
+import tempfile
 import threading
 import unittest
+from concurrent import futures
+from unittest import mock
 
+import grpc
 import numpy as np
 
 import gobo
+from gobo.v1 import service_pb2, service_pb2_grpc
 from support import SMALL, DaemonTest, gltf
 
 
@@ -129,6 +135,22 @@ class Blobs(DaemonTest):
         self.assertEqual(self.client.blobs.put([blob]), 1 << 20)
         self.assertEqual(self.client.blobs.put([blob]), 0)
 
+    def test_a_question_that_breaks_is_asked_again(self):
+        blobs, broken = self.client.blobs, []
+        ask = blobs._stub.Missing
+
+        class Broken(grpc.RpcError):
+            code, details, trailing_metadata = (lambda _: grpc.StatusCode.UNAVAILABLE), (lambda _: "it restarts"), (lambda _: ())
+
+        def missing(*args, **more):
+            if len(broken) < 2:
+                broken.append(1)
+                raise Broken
+            return ask(*args, **more)
+        with mock.patch.object(blobs._stub, "Missing", missing):
+            self.assertEqual(blobs.put([gobo.blob(os.urandom(100))]), 100)
+        self.assertEqual(len(broken), 2)
+
     def test_another_threads_upload_is_not_waited_for_beyond_the_deadline(self):
         with self.client.blobs._one_at_a_time, self.assertRaises(gobo.DeadlineExceeded):
             self.client.blobs.put([gobo.blob(b"x")], timeout=0.2)
@@ -141,6 +163,85 @@ class Blobs(DaemonTest):
             self.client.blobs._one(gobo.Blob(blob.sha256, 1000, b"?" * 500), 0, None)
         self.assertEqual(self.client.blobs.put([blob]), 500 + 1000)
         self.assertEqual(self.client.blobs.put([blob]), 0)
+
+
+class Empty(DaemonTest):
+    def test_a_file_without_bytes_is_named(self):
+        for name in ("empty.glb", "empty.hdr"):
+            with open(self.path(name), "wb"):
+                pass
+        glb, hdr = self.path("empty.glb"), self.path("empty.hdr")
+        for words in (("load", glb), ("render", glb, "-o", "x.png"), ("render", "cornell", "--env", hdr, "-o", "x.png")):
+            said = self.cli(*words, code=2).stderr
+            self.assertIn("the file is empty", said)
+            self.assertIn(glb if glb in words else hdr, said)
+        for ask in (lambda: self.client.render(glb), lambda: self.client.render("cornell", env=hdr)):
+            with self.assertRaisesRegex(gobo.InvalidArgument, "empty\\.(glb|hdr).*the file is empty"):
+                ask()
+
+
+class SmallStore(DaemonTest):
+    """A gobod that keeps 1 MiB of what its clients put, half of it for one."""
+
+    @classmethod
+    def setUpClass(cls):
+        file = tempfile.NamedTemporaryFile("w", suffix=".toml")
+        cls.addClassCleanup(file.close)
+        file.write('[blobs]\nbytes = "1MiB"\n')
+        file.flush()
+        cls.options = {"config": file.name}
+        super().setUpClass()
+
+    def scene(self, files, size):
+        """The triangle, and further buffers that nothing reads."""
+        path = gltf(self.folder, f"with{files}.gltf")
+        with open(path, encoding="utf-8") as file:
+            document = json.load(file)
+        for i in range(files):
+            name = f"{files}-{i}.bin"
+            with open(self.path(name), "wb") as file:
+                file.write(os.urandom(size))
+            document["buffers"].append({"byteLength": size, "uri": name})
+        with open(path, "w", encoding="utf-8") as file:
+            json.dump(document, file)
+        return path
+
+    def test_a_scene_whose_files_cannot_be_there_at_once_is_refused_before_any_is_sent(self):
+        done = self.cli("load", self.scene(3, 200 << 10), code=2, timeout=60)
+        self.assertIn("blobs.bytes = 1048576", done.stderr)
+        self.assertNotIn("sending", done.stderr)
+        with self.assertRaises(gobo.Error) as caught:
+            self.client.scenes.open(self.path("with3.gltf"))
+        self.assertIn("blobs.bytes", str(caught.exception))
+        self.cli("load", self.scene(2, 150 << 10), timeout=60)
+
+    def test_a_server_that_keeps_nothing_is_not_sent_to_for_ever(self):
+        puts = []
+
+        class Forgetful(service_pb2_grpc.BlobsServicer):
+            def Missing(self, request, context):
+                return service_pb2.MissingBlobsReply(missing=[service_pb2.MissingBlob(blob=b) for b in request.blobs])
+
+            def Put(self, request_iterator, context):
+                first = next(request_iterator)
+                puts.append(first.blob.sha256)
+                return service_pb2.PutBlobReply(received=len(first.data) + sum(len(m.data) for m in request_iterator))
+
+        class Blind(service_pb2_grpc.ScenesServicer):
+            def Open(self, request, context):
+                context.abort(grpc.StatusCode.PERMISSION_DENIED, "is not under a folder that may be read")
+        path = self.scene(1, 1000)
+        server = grpc.server(futures.ThreadPoolExecutor(4), options=[("grpc.so_reuseport", 0)])
+        service_pb2_grpc.add_BlobsServicer_to_server(Forgetful(), server)
+        service_pb2_grpc.add_ScenesServicer_to_server(Blind(), server)
+        port = server.add_insecure_port("127.0.0.1:0")
+        server.start()
+        try:
+            done = self.cli("--server", f"127.0.0.1:{port}", "load", path, code=2, timeout=60)
+        finally:
+            server.stop(None).wait()
+        self.assertIn("does not keep", done.stderr)
+        self.assertEqual(len(puts), 3 * 3, "each of the three files three times")
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import tempfile
+import time
 import unittest
 
 import grpc
@@ -26,7 +27,8 @@ def file_of(data, name="a.0000.raw", **change):
 class Store:
     """One job of two frames; `broken` calls of Watch and Fetch end in UNAVAILABLE after their first part."""
 
-    def __init__(self, files=None, broken=0, state=jobs_pb2.Job.DONE, error=None):
+    def __init__(self, files=None, broken=0, state=jobs_pb2.Job.DONE, error=None, pause=0.0):
+        self.pause = pause   # before each part of a file
         self.broken, self.fetches, self.specs, self.acts = broken, [], [], []
         self.files = files or [(0, file_of(DATA), DATA), (1, file_of(DATA[::-1], "a.0001.raw"), DATA[::-1])]
         frames = [jobs_pb2.Frame(frame=n, state=jobs_pb2.Frame.DONE, progress=1, files=[f]) for n, f, _ in self.files]
@@ -79,6 +81,7 @@ class Store:
                 continue
             yield jobs_pb2.FetchReply(file=jobs_pb2.FetchedFile(frame=frame, file=file, offset=offset))
             for at in range(offset, len(data), 100):
+                time.sleep(self.pause)
                 yield jobs_pb2.FetchReply(chunk=jobs_pb2.FetchedChunk(offset=at, data=data[at:at + 100]))
                 self.breaks(context)
             offset = 0
@@ -90,11 +93,11 @@ class Base(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.folder = folder.name
 
-    def serve(self, store):
+    def serve(self, store, **options):
         liar = Liar(**store.handlers())
         self.addCleanup(liar.__exit__)
         self.address = liar.address
-        client = gobo.connect(liar.address)
+        client = gobo.connect(liar.address, **options)
         self.addCleanup(client.close)
         return client
 
@@ -119,6 +122,22 @@ class Python(Base):
         self.assertEqual(sorted(os.listdir(self.folder)), ["a.0000.raw", "a.0001.raw"])
         client.jobs.fetch("j-1", self.folder)
         self.assertEqual(len(store.fetches), 5)     # what is there is not fetched again
+
+    def test_the_clients_timeout_is_of_each_part(self):
+        store = Store(pause=0.3)                    # 1.8 s a file
+        client = self.serve(store, timeout=1)
+        client.jobs.fetch("j-1", self.folder)
+        self.assertEqual((self.read("a.0000.raw"), self.read("a.0001.raw")), (DATA, DATA[::-1]))
+        self.assertEqual(len(dict(client.jobs.images("j-1"))), 2)
+        store.pause = 3                             # it stands still
+        for seconds, work in ((1, lambda: list(client.jobs.images("j-1"))), (0.5, lambda: client.jobs.fetch("j-1", self.folder + "/other", timeout=0.5))):
+            begun = time.monotonic()
+            with self.assertRaises(gobo.DeadlineExceeded):
+                work()
+            self.assertTrue(seconds - 0.1 < time.monotonic() - begun < seconds + 1.5)
+        store.pause = 0.3
+        with self.assertRaises(gobo.DeadlineExceeded):   # the caller's is of all files together
+            client.jobs.fetch("j-1", self.folder + "/other", timeout=1)
 
     def test_fetch_refuses_other_bytes_and_names_outside(self):
         self.assert_lost([(0, file_of(DATA), DATA[::-1])], "digest")

@@ -4,8 +4,10 @@ import json
 import os
 import pathlib
 import re
+import signal
 import subprocess
 import tempfile
+import time
 import unittest
 import xml.etree.ElementTree
 
@@ -156,6 +158,51 @@ class Regress(unittest.TestCase):
         self.accept("box", why="mended")
         self.gobo("run")
         self.assertEqual(self.statuses(), {"box": "same"})
+
+    def section(self, case):
+        page = (self.folder / "s.out/report.html").read_text(encoding="utf-8")
+        return re.search(rf'<section class="case" id="{case}">.*?</section>', page, re.DOTALL).group()
+
+    def test_pictures_are_of_this_run(self):
+        other = BOX.replace('"box"', '"other"')
+        self.suite(BOX + other)
+        self.gobo("run", expect=3)
+        self.assertIn("Nothing is accepted yet: this run.", self.section("box"))
+        self.accept()
+        for fails in ('output = "nonesuch"\n', 'parts = 1\noutput = "motion"\n'):      # no render, and one that cannot be held against anything
+            self.suite(BOX + other)
+            self.gobo("run")
+            self.assertEqual(self.section("box").count("<img"), 3)
+            self.suite(BOX + fails + other)
+            self.gobo("run", expect=2)
+            self.assertEqual(self.statuses(), {"box": "failed", "other": "same"})
+            self.assertNotIn("<img", self.section("box"))
+            self.assertEqual(self.section("other").count("<img"), 3)
+            self.assertEqual([p.name for p in (self.folder / "s.out").glob("box.*")], [])
+            self.gobo("report", expect=2)
+            self.assertNotIn("<img", self.section("box"))
+        self.suite(BOX.replace("spp = 4", "spp = 5") + other)
+        self.gobo("run", expect=2)
+        self.assertEqual(self.section("box").count("<img"), 1)
+        self.assertIn("<p>This run.</p>", self.section("box"))
+        self.assertNotIn("Nothing is accepted yet", self.section("box"))
+        # A server that is away makes no run: the last one keeps its pictures.
+        self.gobo("run", expect=4, local=False)
+        self.gobo("report", expect=2)
+        self.assertEqual((self.section("box").count("<img"), self.section("other").count("<img")), (1, 3))
+
+    def test_interrupted_it_leaves_the_last_run(self):
+        self.suite(BOX)
+        self.gobo("run", expect=3)
+        out = self.folder / "s.out"
+        before = {p.name: p.read_bytes() for p in out.iterdir()}
+        self.suite(BOX.replace("spp = 4", "spp = 100000"))
+        process = subprocess.Popen([CLI, "--local", "regress", "run", "s.toml"], cwd=self.folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        time.sleep(1)
+        process.send_signal(signal.SIGTERM)
+        _, said = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 5, said)
+        self.assertEqual({p.name: p.read_bytes() for p in out.iterdir()}, before)
 
     def test_channels(self):
         self.suite(BOX.replace("spp = 4", 'spp = 4\nparts = 1\noutput = "motion"'))

@@ -49,14 +49,14 @@ Result<Commits> Commits::open(const std::string& folder) {
   if (!fs::is_directory(folder, error)) return invalidArgument("--repo = \"" + folder + "\": is no folder");
   const auto store = outputOf({"git", "-C", folder, "rev-parse", "--path-format=absolute", "--git-common-dir"});
   if (!store.ok()) return invalidArgument("--repo = \"" + folder + "\": " + firstLine(store.status().message()));
-  return Commits(firstLine(*store));
+  return Commits(folder, firstLine(*store));
 }
 
 Result<Commit> Commits::find(const std::string& option, const std::string& revision) const {
   const std::string named = option + " = \"" + revision + "\"";
-  // A revision that begins with '-' would be an option to git.
+  // A revision that begins with '-' would be an option to git. In the folder: the store's HEAD is the main worktree's, which a linked one has of its own.
   const auto id = revision.empty() || revision[0] == '-' ? Result<std::string>(invalidArgument(""))
-                                                         : outputOf(git({"rev-parse", "--verify", "--quiet", revision + "^{commit}"}));
+                                                         : outputOf({"git", "-C", folder_, "rev-parse", "--verify", "--quiet", revision + "^{commit}"});
   if (!id.ok()) return invalidArgument(named + ": git knows no such commit in " + store_);
   const auto said = outputOf(git({"rev-list", "--max-count=1", "--no-commit-header", kCommitFormat, firstLine(*id)}));
   if (!said.ok()) return invalidArgument(named + ": " + said.status().message());
@@ -94,7 +94,8 @@ Status Commits::checkOut(const Commit& commit, const std::string& tree) const {
     fs::rename(part, tree, error);
     if (error) return Status(Code::PermissionDenied, "cannot make \"" + tree + "\": " + error.message());
   }
-  fs::remove(fs::path(tree) / ".git/index.lock", error);  // of one that was killed; the caller has the folder to itself
+  // Of one that was killed; the caller has the folder to itself.
+  for (const char* lock : {".git/index.lock", ".git/HEAD.lock"}) fs::remove(fs::path(tree) / lock, error);
   GOBO_TRY(outputOf(gitInTree(tree, {"checkout", "--quiet", "--force", "--detach", commit.id})).status());
   return outputOf(gitInTree(tree, {"clean", "--quiet", "-ffd"})).status();
 }

@@ -22,7 +22,7 @@ class Commits {
  public:
   /// `folder`: anywhere in a worktree, or a bare repository. Errors: InvalidArgument "--repo = ...".
   static Result<Commits> open(const std::string& folder);
-  /// Errors: InvalidArgument "OPTION = REVISION: ...".
+  /// `revision` as git knows it in the folder: HEAD is that worktree's own. Errors: InvalidArgument "OPTION = REVISION: ...".
   Result<Commit> find(const std::string& option, const std::string& revision) const;
   /// Commits after `good` up to `bad` along first parents, oldest first; not empty. Errors: InvalidArgument that names --good and --bad where good is not on
   /// that line.
@@ -33,9 +33,9 @@ class Commits {
   const std::string& store() const { return store_; }
 
  private:
-  explicit Commits(std::string store) : store_(std::move(store)) {}
+  Commits(std::string folder, std::string store) : folder_(std::move(folder)), store_(std::move(store)) {}
   std::vector<std::string> git(const std::vector<std::string>& words) const;
-  std::string store_;
+  std::string folder_, store_;
 };
 
 }  // namespace gobo::cli

@@ -85,7 +85,9 @@ std::string section(const CaseRecord& c, const std::vector<PastRun>& history, co
     out += "<div class=\"view\">" + picture("reference", p.reference) + picture("now", p.now) + picture("evidence", p.evidence.empty() ? p.now : p.evidence) +
            "</div>\n";
   } else if (!p.now.empty()) {
-    out += "<p>Nothing is accepted yet: this run.</p><div>" + picture("now", p.now) + "</div>\n";
+    // One of another size or samples than what is accepted has no reference beside it either.
+    out += c.status == CaseStatus::Missing ? "<p>Nothing is accepted yet: this run.</p>" : "<p>This run.</p>";
+    out += "<div>" + picture("now", p.now) + "</div>\n";
   }
   if (!c.referenceDigest.empty())
     out += "<p>Reference <code>" + markup(c.referenceDigest.substr(0, 16)) + "</code>, accepted by " + markup(c.by) + ", " + markup(c.when) + ": " +

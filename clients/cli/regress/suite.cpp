@@ -14,6 +14,7 @@
 #include "measure/change.h"
 #include "request/request.h"
 #include "server/log.h"
+#include "words.h"
 
 namespace gobo::cli {
 namespace {
@@ -138,9 +139,8 @@ Status readCase(Reader& r, const fs::path& folder, RegressCase& c) {
   }
   std::string size = "320x240", output = "beauty";
   GOBO_TRY(r.text("size", size));
-  unsigned width = 0, height = 0;
-  char tail;
-  if (sscanf(size.c_str(), "%ux%u%c", &width, &height, &tail) != 2 || width < 1 || height < 1 || width > 16384 || height > 16384)
+  const auto [width, height] = pictureSize(size).value_or(std::pair{0u, 0u});
+  if (width < 1 || height < 1 || width > 16384 || height > 16384)
     return r.refuse("size", "must be WIDTHxHEIGHT, such as 320x240, at most 16384 a side");
   c.request.set_width(width);
   c.request.set_height(height);

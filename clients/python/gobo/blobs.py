@@ -37,7 +37,7 @@ class Blob:
 
 
 def blob(source: "str | os.PathLike[str] | bytes") -> Blob:
-    """Of a file, or of bytes. Errors: NotFound."""
+    """Of a file, or of bytes. Errors: NotFound; InvalidArgument for a file without any."""
     if isinstance(source, (bytes, bytearray, memoryview)):
         data = bytes(source)
         return Blob(hashlib.sha256(data).hexdigest(), len(data), data)
@@ -50,6 +50,8 @@ def blob(source: "str | os.PathLike[str] | bytes") -> Blob:
                 size += len(piece)
     except FileNotFoundError as e:
         raise errors.NotFound(f'"{path}": {e.strerror}') from None
+    if size == 0:
+        raise errors.InvalidArgument(f'"{path}": the file is empty')
     return Blob(digest.hexdigest(), size, path)
 
 
@@ -146,10 +148,10 @@ class Blobs:
         sent = broken = 0
         while True:
             request = service_pb2.MissingBlobsRequest(blobs=[service_pb2.BlobDigest(sha256=b.sha256, bytes=b.bytes) for b in wanted.values()])
-            missing = list(self._wire.unary(self._stub.Missing, request, until).missing)
-            if not missing:
-                return sent
             try:
+                missing = list(self._wire.unary(self._stub.Missing, request, until).missing)
+                if not missing:
+                    return sent
                 for m in missing:
                     sent += self._one(wanted[m.blob.sha256], m.received, until)
                 wanted = {m.blob.sha256: wanted[m.blob.sha256] for m in missing if m.received}   # what may have been dropped: it is asked for again

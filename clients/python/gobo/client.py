@@ -296,7 +296,8 @@ def connect(address: Optional[str] = None, token: Optional[str] = None, tls: Uni
         token: sent as `authorization: Bearer TOKEN`; None: $GOBO_TOKEN. Refused without `tls` unless the server is on this machine.
         tls: True (the system's certificates), the path of a CA certificate, or `Tls(...)` for mutual TLS.
         start: start a private daemon instead (`local`).
-        timeout: seconds that each call may take, with all that it sends and asks for, unless it says otherwise; None: any.
+        timeout: seconds that each call may take, with all that it sends and asks for, unless it says otherwise; of `jobs.fetch` and `jobs.images` each part
+            of a file; None: any.
         retries: how often a call that found the server busy is tried again, never earlier than the server asked for.
         upload_limit: bytes of the largest scene file that is uploaded without being asked for.
 

@@ -334,9 +334,9 @@ class Jobs:
         """Writes the files of finished frames into `folder` and returns their paths.
 
         A file that is there with the right digest is not fetched again, and one that was cut off goes on where it stopped. `timeout` is of all of
-        them together.
+        them together; the client's, without it, of each part of a file: a download may take as long as bytes arrive.
         """
-        timeout = self._wire.until(timeout)
+        timeout = None if timeout is None else self._wire.until(timeout)
         os.makedirs(folder, exist_ok=True)
         paths = []
         for frame, file in self._files(id, frames, outputs, timeout):
@@ -350,7 +350,7 @@ class Jobs:
     def images(self, id: str, output: Optional[str] = None, *, timeout: Optional[float] = None) -> Iterator[Tuple[int, np.ndarray]]:
         """(frame, float32 array) of each finished frame: of one output, the first unless named. For EXR and raw jobs.
 
-        `timeout` is each frame's own: what is done with the one before does not count.
+        `timeout` is each frame's own: what is done with the one before does not count. The client's, without it, is of each part of a frame (see `fetch`).
         """
         seen = set()
         for frame, file in self._files(id, None, [output] if output else None, timeout):
@@ -382,9 +382,11 @@ class Jobs:
 
     def _chunks(self, id: str, frame: int, file: jobs_pb2.FrameFile, offset: int, timeout: Optional[float]) -> Iterator[bytes]:
         until = self._wire.until(timeout)
+        patient = timeout is None and until is not None   # the client's own is of each part, so that it ends what stands still, and nothing else
         cancel = current(None)
         broken = 0
         while offset < file.bytes:
+            begun = offset
             request = jobs_pb2.FetchRequest(id=id, frames=[frame], outputs=[file.output], offset=offset)
             try:
                 for reply in self._wire.stream(self._stub.Fetch, request, until, cancel):
@@ -395,8 +397,13 @@ class Jobs:
                     offset += len(reply.chunk.data)
                     broken = 0
                     yield reply.chunk.data
+                    if patient:
+                        until = self._wire.until(None)
                 if offset < file.bytes:
                     raise errors.DataLoss(f"job {id}: {file.name}: {offset} of {file.bytes} bytes arrived")
+            except errors.DeadlineExceeded:   # the call's; what is fetched goes on at any offset
+                if not patient or offset == begun:
+                    raise
             except (errors.Unavailable, errors.Cancelled) as e:
                 broken += 1
                 self._before_another(id, e, broken, until, cancel)

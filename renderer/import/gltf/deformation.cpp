@@ -91,6 +91,16 @@ void normaliseWeights(Document& d, const Cursor& attributes, size_t influences, 
   if (none) d.warn(attributes["WEIGHTS_0"].pointer, std::to_string(none) + " vertices have no weight and follow their first joint");
 }
 
+/// Joints of the largest skin.
+size_t mostJoints(Document& d) {
+  if (d.mostJoints) return *d.mostJoints;
+  size_t most = 0;
+  const Cursor skins = d.list("skins");
+  for (size_t k = 0; k < skins.size(); ++k) most = std::max(most, skins.at(k)["joints"].size());
+  d.mostJoints = most;
+  return most;
+}
+
 }  // namespace
 
 void readDeformation(Document& d, const Cursor& primitive, const DracoData* draco, Rig& rig, Part& part) {
@@ -118,8 +128,8 @@ void readDeformation(Document& d, const Cursor& primitive, const DracoData* drac
     source.influences = int(influences);
     std::vector<uint16_t> all(vertices * influences, 0);
     std::vector<float> shares(vertices * influences, 0.0f);
-    size_t most = 0, beyond = 0, twice = 0;  // joints of the largest skin
-    for (size_t k = 0; k < d.list("skins").size(); ++k) most = std::max(most, d.list("skins").at(k)["joints"].size());
+    const size_t most = mostJoints(d);
+    size_t beyond = 0, twice = 0;
     for (size_t i = 0; i < vertices; ++i)
       for (size_t s = 0; s < sets; ++s)
         for (size_t c = 0; c < 4; ++c) {

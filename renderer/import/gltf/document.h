@@ -7,6 +7,7 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -69,7 +70,8 @@ struct Document {
   uint64_t bytesUsed = 0;
   std::map<int, std::vector<uint8_t>> unpacked;  ///< buffer views of EXT_meshopt_compression, decoded on first use
   bool thicknessSaid = false;
-  std::set<int> boundsSeen;  ///< accessors whose min and max were compared with their data
+  std::optional<size_t> mostJoints;  ///< of a skin, once a primitive asked (deformation.cpp)
+  std::set<int> boundsSeen;          ///< accessors whose min and max were compared with their data
 
   Cursor root() { return {this, &json, ""}; }
   Cursor list(const char* name) { return root()[name]; }

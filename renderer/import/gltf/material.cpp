@@ -139,6 +139,10 @@ Material readMaterial(Document& d, const Cursor& at, Textures& textures) {
   const float strength = float(at.extension("KHR_materials_emissive_strength")["emissiveStrength"].number(1.0, 0.0, 1e12));
   m.emission.radiance = boundedVector(at["emissiveFactor"], Vec3(0.0f), 1.0f) * strength;
   m.emission.texture = textures.ref(at["emissiveTexture"], true);
+  if (m.bsdf.unlit && m.emits()) {
+    d.warn(at["emissiveFactor"].pointer, "an unlit material shows its base colour alone; its emission is ignored");
+    m.emission = {};
+  }
   readInterior(d, at, textures, m.bsdf);
   readLayers(at, textures, m.bsdf);
   return m;

@@ -124,7 +124,7 @@ void repairTangents(Document& d, const Cursor& primitive, Mesh& mesh) {
       t = Vec4(Vec3(t) / length, t.w < 0.0f ? -1.0f : 1.0f);
       continue;
     }
-    t = Vec4(Frame(mesh.normals.empty() ? Vec3(0, 1, 0) : mesh.normals[i]).x, 1.0f);
+    t = Vec4(Frame(mesh.normals[i]).x, 1.0f);
     ++count;
   }
   if (odd) d.warn(primitive.pointer + "/attributes/TANGENT", std::to_string(odd) + " tangents were not of unit length and were scaled");
@@ -184,8 +184,11 @@ std::shared_ptr<Mesh> readPrimitive(Document& d, const Cursor& primitive, const 
     repairNormals(d, primitive, *mesh);
   }
   if (!thin && readAttribute(d, attributes, data, "TANGENT", 4, vertices, values)) {
-    copyInto(mesh->tangents, values);
-    repairTangents(d, primitive, *mesh);
+    if (mesh->normals.empty()) d.warn(attributes["TANGENT"].pointer, "tangents without normals are ignored");
+    else {
+      copyInto(mesh->tangents, values);
+      repairTangents(d, primitive, *mesh);
+    }
   }
   size_t repaired = 0, outside = 0;
   for (int k = 0; k < kUvSets; ++k)

@@ -157,17 +157,16 @@ class Tree {
     Mat4 frame(1.0f);
     const Cursor punctual = node.extension("KHR_lights_punctual")["light"], measured = node.extension("EXT_lights_ies"), area = goboLight(node);
     if (!d_.ok() || (camera < 0 && !punctual.exists() && !measured.exists() && !area.exists())) return;
-    if (!rigidFrame(world, frame)) {
-      d_.warn(node.pointer, "camera or light without an orientation is left out");
-      return;
-    }
-    if (camera >= 0 && d_.ok()) {
+    const bool oriented = rigidFrame(world, frame);
+    if (!oriented) frame = turnedFrame(pose_, place_[index]);
+    if (camera >= 0 && !oriented && !moves_) d_.warn(node.pointer, "camera without an orientation is left out");
+    else if (camera >= 0 && d_.ok()) {
       addCamera(d_.item("cameras", camera), name, frame);
       follow(RigKind::Camera, scene_.cameras.size() - 1, index);
     }
     const int light = punctual.indexInto(d_.root().extension("KHR_lights_punctual")["lights"]);
     if (light >= 0 && d_.ok()) {
-      addPunctual(d_.root().extension("KHR_lights_punctual")["lights"].at(size_t(light)), name, light, frame);
+      addPunctual(d_.root().extension("KHR_lights_punctual")["lights"].at(size_t(light)), name, light);
       follow(RigKind::Light, scene_.lights.size() - 1, index);
     }
     if (measured.exists() && d_.ok()) {
@@ -176,7 +175,7 @@ class Tree {
     }
     if (area.exists() && d_.ok()) {
       follow(RigKind::Light, scene_.lights.size(), index);
-      addArea(area, base, world, frame, rig_.followers.back());
+      addArea(area, base, world, rig_.followers.back());
     }
   }
 
@@ -230,8 +229,8 @@ class Tree {
     for (Part& part : parts_[mesh]) {
       const bool skinned = skin >= 0 && part.source >= 0 && rig_.sources[part.source].influences > 0;
       unskinned = unskinned || (skin >= 0 && !skinned);
-      if (!skinned && !moves_ && !(std::fabs(glm::determinant(Mat3(world))) > 0.0f)) {
-        d_.warn(node.pointer, "node with a flat or zero scale is not drawn");
+      if (Mat4 solid; !skinned && !moves_ && !solidTransform(world, solid)) {
+        d_.warn(node.pointer, "node whose scale makes it a line or a point is not drawn");
         return;
       }
       const int shown = sceneMesh(node, index, part, skin);
@@ -308,7 +307,7 @@ class Tree {
     scene_.cameras.push_back(std::move(c));
   }
 
-  void addPunctual(const Cursor& at, const std::string& nodeName, int index, const Mat4& frame) {
+  void addPunctual(const Cursor& at, const std::string& nodeName, int index) {
     Light l;
     const std::string type = at["type"].text();
     l.power = glm::max(at["color"].vector(Vec3(1.0f)), Vec3(0.0f)) * float(at["intensity"].number(1.0, 0.0, 1e30));
@@ -381,7 +380,7 @@ class Tree {
     scene_.lights.push_back(std::move(l));
   }
 
-  void addArea(const Cursor& at, const std::string& name, const Mat4& world, const Mat4& frame, RigFollower& follower) {
+  void addArea(const Cursor& at, const std::string& name, const Mat4& world, RigFollower& follower) {
     Light l;
     const std::string type = at["type"].text();
     LightShape& s = l.shape;
@@ -395,8 +394,16 @@ class Tree {
     s.twoSided = at["twoSided"].boolean(false);
     l.cameraVisible = at["cameraVisible"].boolean(true);
     l.power = areaRadiance(at, type, s.twoSided, follower, world);
+    if (d_.ok() && !moves_ && leastSize(type, follower, world) < double(kLeastLampSize))
+      d_.warn(at.pointer, "the node's scale leaves the light no size: it gives next to no light");
     l.name = names_.take(name);
     scene_.lights.push_back(std::move(l));
+  }
+
+  /// The smaller half side, or the radius, that a node gives an area light.
+  static double leastSize(const std::string& type, const RigFollower& follower, const Mat4& world) {
+    const double x = glm::length(Vec3(world[0])), y = glm::length(Vec3(world[1]));
+    return type == "rect" ? std::min(double(follower.half.x) * x, double(follower.half.y) * y) : double(follower.radius) * x;
   }
 
   /// `radiance`, or `power_w` spread over the shape at the size that the node gives it at rest: a Lambert emitter of radiance L sends
@@ -419,7 +426,8 @@ class Tree {
     const double x = glm::length(Vec3(world[0])), y = glm::length(Vec3(world[1])), r = double(follower.radius) * x;
     const double area = type == "rect" ? 4.0 * double(follower.half.x) * x * double(follower.half.y) * y : (type == "disk" ? 1.0 : 4.0) * kPi * r * r;
     const DVec3 radiance = DVec3(value) / (kPi * area * (twoSided && type != "sphere" ? 2.0 : 1.0));
-    if (!(glm::all(glm::lessThan(radiance, DVec3(1e30))))) {
+    // A smaller light than the least is made as large as that, and would have more than its power.
+    if (leastSize(type, follower, world) < double(kLeastLampSize) || !glm::all(glm::lessThan(radiance, DVec3(1e30)))) {
       at[given.c_str()].fail("the light is too small for its power");
       return Vec3(1.0f);
     }
@@ -434,7 +442,7 @@ class Tree {
   Cursor nodes_;
   const std::vector<int>& place_;
   RigPose pose_;
-  bool moves_ = false;                   // animations may give a flat node its size
+  bool moves_ = false;                   // animations may give a node of scale 0 its size
   UniqueNames names_, cameraNames_;      // instances and lights share names: a Mesh light is named after its instance
   std::map<std::string, int> profiles_;  // by the pointer of what gave it
 };

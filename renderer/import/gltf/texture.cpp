@@ -41,12 +41,12 @@ const Textures::Texels* Textures::decode(int index) {
     ReadLimits limits;
     limits.stop = document_.options.stop;
     auto image = readImageFromMemory(encoded.bytes.data(), encoded.bytes.size(), encoded.name.empty() ? "image" + std::to_string(index) : encoded.name, limits);
+    if (document_.options.files) document_.options.files->parsing("");  // whatever became of it: what comes next is not its fault
     if (image.status().code() == Code::Cancelled) {
       document_.status = image.status();
       return nullptr;
     }
     if (!image.ok()) return leaveOut(image.status().message());
-    if (document_.options.files) document_.options.files->parsing("");
     const uint64_t decodedBytes = image->data.size() * sizeof(float);
     if (!document_.account(decodedBytes, document_.item("images", index))) return nullptr;
     decoded_[index].texels = texelsOf(index, *image, isFloatFormat(encoded.bytes));

@@ -214,6 +214,12 @@ TEST_F(Blobs, EveryRefusalHasItsCode) {
   request.clear_blobs();
   for (int i = 0; i < 10002; ++i) *request.add_blobs() = first(data).blob();
   refused(missing(request, reply, ""), grpc::INVALID_ARGUMENT, {"missing.blobs: 10002"});
+  request.clear_blobs();
+  for (const char digit : {'1', '2', '3'}) {
+    request.add_blobs()->set_sha256(std::string(64, digit));
+    request.mutable_blobs(request.blobs_size() - 1)->set_bytes(1 << 20);
+  }
+  refused(missing(request, reply, ""), grpc::RESOURCE_EXHAUSTED, {"the 3 files have 3145728 bytes together", "blobs.bytes = 4194304", "missing.blobs"});
   refused(renderAs(lit("12")).status, grpc::INVALID_ARGUMENT, {"request.environment.digest = \"12\""});
   refused(renderAs(lit(hashOf(data))).status, grpc::NOT_FOUND, {"request.environment.digest = " + hashOf(data), "Blobs.Put"});
   ASSERT_TRUE(put(data).ok());

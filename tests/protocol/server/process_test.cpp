@@ -170,12 +170,59 @@ TEST_F(Process, HupReloadsAndABrokenFileKeepsTheOldConfiguration) {
   EXPECT_TRUE(list("one").ok());
   EXPECT_EQ(list("two").error_code(), grpc::UNAUTHENTICATED);
 
+  fs::remove(file);  // what a container's mount of a file that is not there makes
+  fs::create_directory(file);
+  d.signal(SIGHUP);
+  ASSERT_TRUE(Daemon::until([&] { return d.err().find("is a folder") != std::string::npos; }, 10)) << d.err();
+  EXPECT_EQ(list("").error_code(), grpc::UNAUTHENTICATED);
+  EXPECT_TRUE(list("one").ok());
+  fs::remove(file);
+
   test::writeFile(file, config("two", "reflection = true\n"));
   d.signal(SIGHUP);
   ASSERT_TRUE(Daemon::until([&] { return d.err().find("reload status=OK") != std::string::npos; }, 10)) << d.err();
   EXPECT_NE(d.err().find("not_before_restart=reflection"), std::string::npos) << d.err();
   EXPECT_TRUE(list("two").ok());
   EXPECT_EQ(list("one").error_code(), grpc::UNAUTHENTICATED);
+}
+
+// Files that agree with themselves, but not with what is fixed until a restart.
+TEST_F(Process, HupRefusesLimitsThatContradictFixedOnes) {
+  const std::string file = folder + "/gobod.toml";
+  const auto config = [&](const std::string& secret, const std::string& memory, const std::string& limits) {
+    return "listen = [\"" + socket +
+           "\"]\n[auth]\nrequire_token = \"always\"\n[scheduler]\npinned_bytes = \"256MiB\"\n[engine]\nthreads = 1\nmemory_bytes = \"" + memory +
+           "\"\n[limits]\n" + limits + "[[tokens]]\nname = \"a\"\nsha256 = \"" + sha256Hex(secret.data(), secret.size()) + "\"\n";
+  };
+  test::writeFile(file, config("one", "1GiB", "reply_bytes = \"64MiB\"\n"));
+  Daemon d(folder, "d", {"--config", file});
+  ASSERT_TRUE(Daemon::until([&] { return d.ready(); }, 30)) << d.err();
+  const auto reloads = [&](const std::string& result) {
+    size_t n = 0;
+    const std::string log = d.err(), words = "reload status=" + result;
+    for (size_t at = 0; (at = log.find(words, at)) != std::string::npos; ++at) ++n;
+    return n;
+  };
+  const struct {
+    const char *memory, *limits, *key;
+  } cases[] = {{"1GiB", "reply_bytes = \"64MiB\"\nmessage_bytes = \"256MiB\"\ninline_bytes = \"200MiB\"\n", "limits.inline_bytes = 209715200"},
+               {"1GiB", "reply_bytes = \"64MiB\"\nrpc_threads = 2000\nwatches = 1000\n", "limits.rpc_threads"},
+               {"4GiB", "reply_bytes = \"2GiB\"\n", "engine.memory_bytes = 1073741824"}};
+  size_t failed = 0;
+  for (const auto& c : cases) {
+    test::writeFile(file, config("two", c.memory, c.limits));
+    d.signal(SIGHUP);
+    ++failed;
+    ASSERT_TRUE(Daemon::until([&] { return reloads("failed") == failed; }, 10)) << c.key << d.err();
+    EXPECT_NE(d.err().find(c.key), std::string::npos) << d.err();
+    EXPECT_TRUE(list("one").ok()) << c.key;
+    EXPECT_EQ(list("two").error_code(), grpc::UNAUTHENTICATED) << c.key;
+  }
+  test::writeFile(file, config("two", "4GiB", "reply_bytes = \"128MiB\"\nrpc_threads = 2000\n"));
+  d.signal(SIGHUP);
+  ASSERT_TRUE(Daemon::until([&] { return reloads("OK") == 1; }, 10)) << d.err();
+  EXPECT_NE(d.err().find("not_before_restart=\"engine.memory_bytes, limits.rpc_threads\""), std::string::npos) << d.err();
+  EXPECT_TRUE(list("two").ok());
 }
 
 TEST_F(Process, TermDrainsAndASecondOneEndsAtOnce) {

@@ -2,6 +2,7 @@
 // Who waits for whom, and what he is told: small renders beside a big one, places in queues, default classes, bounds and deadlines of sessions.
 #include <thread>
 
+#include "gobo/v1/jobs.grpc.pb.h"
 #include "harness.h"
 #include "server/core.h"
 
@@ -243,6 +244,173 @@ TEST_F(SessionProtocol, WhoWaitsInASessionIsToldSo) {
   });
   EXPECT_TRUE(got.status.ok()) << got.status.error_message();
   EXPECT_TRUE(told);
+}
+
+// What waits to be planned is bounded, of whatever call it is: each holds a thread, and status must get through.
+class PlansProtocol : public QueueProtocol {
+ protected:
+  using Call = std::function<grpc::Status(grpc::ClientContext&)>;
+  void configure(ServerConfig& c) override {
+    c.queuedInteractive = 2;
+    c.queuedNormal = 4;
+    c.queuedBatch = 2;  // 8 together, of which one caller may have 6
+    c.jobsFolder = folder + "/jobs";
+    c.jobsWorkers = 0;
+    for (const char* name : {"a", "b", "c", "d"}) {
+      TokenConfig t;
+      t.name = name;
+      const std::string secret = std::string("secret-") + name;
+      t.sha256 = sha256Hex(secret.data(), secret.size());
+      c.tokens.push_back(t);
+    }
+  }
+  void SetUp() override {
+    QueueProtocol::SetUp();
+    jobs = v1::Jobs::NewStub(channel);
+  }
+  void TearDown() override {
+    waiting.clear();
+    held.reset();
+    QueueProtocol::TearDown();
+  }
+  /// A call on a thread of its own.
+  class Waiting {
+   public:
+    Waiting(const std::string& who, const Call& call) {
+      sign(context_, who);
+      thread_ = std::thread([this, call] { status = call(context_); });
+    }
+    ~Waiting() {
+      context_.TryCancel();
+      join();
+    }
+    void join() {
+      if (thread_.joinable()) thread_.join();
+    }
+    grpc::Status status;
+
+   private:
+    grpc::ClientContext context_;
+    std::thread thread_;
+  };
+  static void sign(grpc::ClientContext& context, const std::string& who) {
+    bound(context);
+    context.AddMetadata("authorization", "Bearer secret-" + who);
+  }
+  FairGate& planning() { return server->core().planning; }
+  /// One plan at a time, and that one is never made: whoever comes waits.
+  void hold() {
+    planning().setLimits({1, 1});
+    auto place = planning().enter("nobody", [] { return false; });
+    ASSERT_TRUE(place);
+    held.emplace(std::move(*place));
+  }
+  void wait(const std::string& who, const Call& call, size_t calls) {
+    const size_t before = waiting.size();
+    for (size_t i = 0; i < calls; ++i) waiting.push_back(std::make_unique<Waiting>(who, call));
+    ASSERT_TRUE(eventually([&] { return planning().waiting() == before + calls; })) << who << ": " << planning().waiting() << " wait";
+  }
+  void refused(const std::string& who, const Call& call) {
+    grpc::ClientContext context, fourth;
+    sign(context, who);
+    const grpc::Status status = call(context);
+    EXPECT_EQ(status.error_code(), grpc::RESOURCE_EXHAUSTED) << who << ": " << status.error_message();
+    EXPECT_NE(status.error_message().find("wait to be planned: at most 8, those in the queues included, and 6 of one caller"), std::string::npos)
+        << status.error_message();
+    EXPECT_EQ(context.GetServerTrailingMetadata().count("retry-after-ms"), 1u);
+    sign(fourth, "d");
+    v1::StatusReply reply;
+    EXPECT_TRUE(admin->GetStatus(&fourth, {}, &reply).ok());
+  }
+  Call plan() {
+    return [this](grpc::ClientContext& context) {
+      v1::PlanReply reply;
+      return render->Plan(&context, small(), &reply);
+    };
+  }
+  Call submission() {
+    return [this](grpc::ClientContext& context) {
+      v1::JobSpec spec;
+      *spec.mutable_request() = small();
+      v1::Job job;
+      return jobs->Submit(&context, spec, &job);
+    };
+  }
+  Call picture() {
+    return [this](grpc::ClientContext& context) {
+      const auto reader = render->Render(&context, small());
+      v1::RenderEvent event;
+      while (reader->Read(&event)) {}
+      return reader->Finish();
+    };
+  }
+  void boundsOneCaller(const Call& call) {
+    hold();
+    wait("a", call, 6);
+    refused("a", call);
+    wait("b", call, 1);  // another one still finds a place
+    held.reset();
+    for (const auto& w : waiting) {
+      w->join();
+      EXPECT_TRUE(w->status.ok()) << w->status.error_message();
+    }
+  }
+  std::unique_ptr<v1::Jobs::Stub> jobs;
+  std::vector<std::unique_ptr<Waiting>> waiting;
+  std::optional<FairGate::Place> held;
+};
+
+TEST_F(PlansProtocol, OneCallersPlansAreBounded) { boundsOneCaller(plan()); }
+TEST_F(PlansProtocol, OneCallersSubmissionsAreBounded) { boundsOneCaller(submission()); }
+
+TEST_F(PlansProtocol, AllCallersTogetherAreBoundedWithWhatIsInTheQueues) {
+  Endless running(*this, small());
+  ASSERT_TRUE(runs(JobClass::Normal));
+  Endless queued(*this, small());
+  ASSERT_TRUE(runs(JobClass::Normal, 1, 1));
+  hold();
+  wait("a", picture(), 3);
+  wait("b", picture(), 3);
+  wait("c", picture(), 1);
+  for (const char* who : {"a", "b", "c"}) refused(who, picture());
+  refused("c", plan());
+  refused("c", submission());
+}
+
+TEST_F(PlansProtocol, ADeadlineEndsAPlansWait) {
+  hold();
+  v1::RenderRequest late = small();
+  late.mutable_scheduling()->set_deadline_ms(50);
+  grpc::ClientContext context;
+  bound(context);
+  v1::PlanReply reply;
+  const grpc::Status status = render->Plan(&context, late, &reply);
+  EXPECT_EQ(status.error_code(), grpc::DEADLINE_EXCEEDED) << status.error_message();
+  EXPECT_NE(status.error_message().find("waited to be planned"), std::string::npos) << status.error_message();
+  EXPECT_EQ(planning().waiting(), 0u);
+}
+
+class OneWaits : public PlansProtocol {
+ protected:
+  void configure(ServerConfig& c) override {
+    PlansProtocol::configure(c);
+    c.queuedInteractive = c.queuedBatch = 0;
+    c.queuedNormal = 1;
+  }
+};
+
+// A full queue is no reason to refuse what need not wait for anything.
+TEST_F(OneWaits, WhoFindsAPlaceIsPlanned) {
+  Endless running(*this, small());
+  ASSERT_TRUE(runs(JobClass::Normal));
+  Endless queued(*this, small());
+  ASSERT_TRUE(runs(JobClass::Normal, 1, 1));
+  for (const Call& call : {plan(), submission()}) {
+    grpc::ClientContext context;
+    sign(context, "a");
+    const grpc::Status status = call(context);
+    EXPECT_TRUE(status.ok()) << status.error_message();
+  }
 }
 
 }  // namespace

@@ -26,7 +26,8 @@ class Tokens : public ServerTest {
     std::filesystem::create_directory(folder + "/root/b");
     c.listen.push_back("127.0.0.1:0");
     c.running = 1;
-    TokenConfig plain = token("plain"), narrow = token("narrow"), slow = token("slow"), admin = token("admin");
+    TokenConfig plain = token("plain"), narrow = token("narrow"), slow = token("slow"), admin = token("admin"), one = token("one");
+    one.rendersAtOnce = 1;
     narrow.classes = {"batch"};
     narrow.maxPixels = 64 * 48;
     narrow.maxSpp = 16;
@@ -37,7 +38,7 @@ class Tokens : public ServerTest {
     slow.requestsPerSecond = 0.001;
     slow.burst = 2;
     admin.admin = true;
-    c.tokens = {plain, narrow, slow, admin};
+    c.tokens = {plain, narrow, slow, admin, one};
   }
   void SetUp() override {
     ServerTest::SetUp();
@@ -258,6 +259,53 @@ TEST_F(Tokens, RendersAtOnceAndTimePerRequest) {
   drain(blocker, *reader);
   ASSERT_TRUE(eventually([&] { return status().running() == 0; }));
   EXPECT_TRUE(renderAs("narrow", request).status.ok()) << "the place is free again";
+}
+
+// Only what has its session's turn is one of the token's renders: the newest edit wins, whatever runs or waits before it.
+TEST_F(Tokens, RendersAtOnceLeavesSessionsTheirLatestEdit) {
+  const auto stub = v1::Render::NewStub(tcp);
+  v1::RenderRequest request = small(1 << 20);
+  request.mutable_scheduling()->set_session("s");
+  struct Edit {
+    grpc::ClientContext context;
+    Collected got;
+    std::atomic<bool> over{false};
+    std::thread thread;
+    Edit(v1::Render::Stub& stub, const v1::RenderRequest& request) {
+      sign(context, "one");
+      thread = std::thread([this, &stub, request] {
+        const auto reader = stub.RenderProgressive(&context, request);
+        got = drain(context, *reader);
+        over = true;
+      });
+    }
+    ~Edit() {
+      context.TryCancel();
+      thread.join();
+    }
+  };
+  const auto replaced = [](const Edit& e) {
+    EXPECT_EQ(e.got.status.error_code(), grpc::CANCELLED) << e.got.status.error_message();
+    EXPECT_NE(e.got.status.error_message().find("replaced by a newer request"), std::string::npos) << e.got.status.error_message();
+  };
+  Edit a(*stub, request);
+  ASSERT_TRUE(eventually([&] { return status().running() == 1; }));
+  Edit b(*stub, request);
+  ASSERT_TRUE(eventually([&] { return server->core().edits.used() == 1 || a.over; })) << "it waits, or has already ended the other one";
+  grpc::ClientContext context;
+  sign(context, "one");
+  bool seen = false;
+  const auto reader = stub->RenderProgressive(&context, request);
+  drain(context, *reader, [&](const v1::RenderEvent& event) {
+    if (!event.has_snapshot() || seen) return;
+    seen = true;
+    refused(renderAs("one", small()), grpc::RESOURCE_EXHAUSTED, "renders", {"renders at once: at most 1", "tokens.renders_at_once"});
+    context.TryCancel();
+  });
+  EXPECT_TRUE(seen) << "the newest one has pictures";
+  ASSERT_TRUE(eventually([&] { return a.over && b.over; }));
+  replaced(a);
+  replaced(b);
 }
 
 TEST_F(Tokens, AdminRight) {

@@ -10,6 +10,7 @@
 
 #include "request/effective_scene.h"
 #include "request/mesh_edits.h"
+#include "request/posed_scene.h"
 #include "scene/builtin/build.h"
 #include "scene/edit.h"
 #include "scene/mesh_filters/mesh_filters.h"
@@ -398,6 +399,39 @@ TEST_F(MeshEdits, ComeAfterThePoseInMetresOfTheWorld) {
   r.clear_meshes();
   EXPECT_EQ(firstDifference(made, mustRender(*engine, r)), "");
   std::filesystem::remove_all(std::filesystem::path(file).parent_path());
+}
+
+// Without a time nothing is posed: what a pose would be refused for is no fault of such a request. An animation's name is looked at.
+TEST_F(MeshEdits, PosesNobodyAskedForDoNotMatter) {
+  const std::filesystem::path file = writeAnimatedScene("mesh-edits-far");
+  {
+    std::fstream keys(file.parent_path() / "data.bin", std::ios::binary | std::ios::in | std::ios::out);
+    const float far = 2e9f;  // x of the first key of "slide": farther than a scene reaches
+    keys.seekp(14 * sizeof(float));
+    keys.write(reinterpret_cast<const char*>(&far), sizeof far);
+  }
+  const ScenePtr loaded = *loadScene(file.string());
+  for (const char* assignment : {"variant=red", "animation=slide", "meshes.board.inflate=0.06"}) {
+    const auto rest = requestedScene(loaded, edits({assignment}));
+    EXPECT_TRUE(rest.ok()) << assignment << ": " << rest.status().toString();
+    v1::RenderRequest posed = edits({assignment});
+    posed.set_time_s(0.0);
+    const Status far = requestedScene(loaded, posed).status();
+    EXPECT_EQ(far.code(), Code::InvalidArgument) << assignment;
+    EXPECT_EQ(far.location(), "request.time_s") << far.toString();
+    posed.set_time_s(1.0);
+    EXPECT_TRUE(requestedScene(loaded, posed).ok()) << assignment;
+  }
+  EXPECT_EQ(*requestedScene(loaded, edits({"animation=slide"})), loaded);
+  for (const bool timed : {false, true}) {
+    v1::RenderRequest unknown = edits({"animation=jump"});
+    if (timed) unknown.set_time_s(1.0);
+    const Status none = requestedScene(loaded, unknown).status();
+    EXPECT_EQ(none.code(), Code::NotFound);
+    EXPECT_EQ(none.location(), "request.animation");
+    EXPECT_NE(none.message().find("slide"), std::string::npos) << none.toString();
+  }
+  std::filesystem::remove_all(file.parent_path());
 }
 
 // Animations hide objects by scaling them to nothing: what they hide does not come back by inflation, nor is it an error to simplify it.

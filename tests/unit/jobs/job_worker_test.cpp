@@ -517,8 +517,10 @@ TEST_F(Worker, ARemoteWorkerGivesBackWhatItCannotHaveNow) {
   const int64_t a = put(spec(4, 13));
   workerOptions.workers = 1;
   workerOptions.delivers = [](const Lease&, const std::vector<v1::FrameFile>&) {};
+  const auto begun = std::chrono::steady_clock::now();
   worker = std::make_unique<JobWorker>(*engine, *runner, *store, files_, mount, hub, workerOptions);
   ASSERT_TRUE(eventually([&] { return mount.asked.load() > 3; }));
+  EXPECT_GE(std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count(), 0.65) << "it takes it again without pause";
   worker.reset();
   EXPECT_EQ(get(a).frames(0).state(), v1::Frame::QUEUED);
   EXPECT_EQ(get(a).state(), v1::Job::QUEUED);

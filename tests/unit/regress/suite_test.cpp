@@ -127,7 +127,7 @@ TEST_F(SuiteFile, Ranges) {
   EXPECT_EQ(said(kCase + "tolerance = -0.5\n"), "s.toml:4: [[case]] tolerance = -0.5: must be in 0..1");
   EXPECT_EQ(said(kCase + "tolerance = 1.5\n"), "s.toml:4: [[case]] tolerance = 1.5: must be in 0..1");
   EXPECT_EQ(said(kCase + "max_time = 1e7\n").substr(0, 31), "s.toml:4: [[case]] max_time = 1");
-  for (const char* size : {"16385x1", "1x16385", "0x1", "1x0", "1x1x1"})
+  for (const char* size : {"16385x1", "1x16385", "0x1", "1x0", "1x1x1", "4294967320x18", "-1x4"})
     EXPECT_NE(said(kCase + "size = \"" + size + "\"\n").find("must be WIDTHxHEIGHT"), std::string::npos) << size;
   EXPECT_EQ(said(kCase + "output = \"\"\n"), "s.toml:4: [[case]] output = '': must not be empty");
   EXPECT_NE(said(kCase + "set = [\"seed=4\"]\n").find("seed is the case's own"), std::string::npos);

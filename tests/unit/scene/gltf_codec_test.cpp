@@ -14,6 +14,7 @@
 #include "base/image_io.h"
 #include "base/transfer.h"
 #include "import/load.h"
+#include "scene/file_source.h"
 
 namespace gobo {
 namespace {
@@ -293,6 +294,88 @@ TEST_F(Codec, MaterialExtensionsArriveInTheirFields) {
   EXPECT_LT(glm::length(f0 * glossy.bsdf.specularColor - Vec3(0.4f, 0.5f, 0.6f)), 1e-4f) << "F0 is the specular colour";
   EXPECT_FALSE(s->materials[2].bsdf.unlit);
   EXPECT_EQ(s->materials[2].bsdf.attenuationDistance, 0.0f);
+}
+
+/// KHR_materials_unlit: the colour is the base colour alone, so the surface is no light either.
+TEST_F(Codec, UnlitMaterialsEmitNothing) {
+  const float quad[] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+  primitive()["attributes"]["POSITION"] = accessor(view(quad, sizeof quad), 5126, "VEC3", 3);
+  primitive()["material"] = 0;
+  doc_["extensionsUsed"] = {"KHR_materials_unlit"};
+  doc_["materials"] = Json::parse(R"([{"emissiveFactor":[1,0,0],"pbrMetallicRoughness":{"baseColorFactor":[0.2,0.3,0.4,1]}}])");
+  const ScenePtr lit = mustLoad();
+  ASSERT_TRUE(lit);
+  EXPECT_GE(lit->findLight("n"), 0);
+  const std::string said = "/materials/0/emissiveFactor: an unlit material shows its base colour alone; its emission is ignored";
+  const auto times = [&](const Scene& scene) { return std::count(scene.warnings.begin(), scene.warnings.end(), said); };
+  EXPECT_EQ(times(*lit), 0);
+  doc_["materials"][0]["extensions"]["KHR_materials_unlit"] = Json::object();
+  const ScenePtr unlit = mustLoad();
+  ASSERT_TRUE(unlit);
+  EXPECT_TRUE(unlit->materials[0].bsdf.unlit);
+  EXPECT_FALSE(unlit->materials[0].emits());
+  EXPECT_EQ(unlit->materials[0].albedo.factor, Vec3(0.2f, 0.3f, 0.4f));
+  EXPECT_EQ(unlit->findLight("n"), -1) << "its mesh is no light";
+  EXPECT_EQ(times(*unlit), 1);
+  doc_["materials"][0]["emissiveFactor"] = {0, 0, 0};
+  EXPECT_EQ(times(*mustLoad()), 0) << "nothing to ignore";
+}
+
+/// Files of a folder; what the loader said it was about to parse.
+struct WatchedFiles final : FileSource {
+  explicit WatchedFiles(const std::string& path) : disk(path) {}
+  Result<std::vector<uint8_t>> main(uint64_t maxBytes) override { return disk.main(maxBytes); }
+  Result<std::vector<uint8_t>> beside(const std::string& name, uint64_t maxBytes) override { return disk.beside(name, maxBytes); }
+  void parsing(const std::string& place) override { places.push_back(place); }
+  DiskFiles disk;
+  std::vector<std::string> places;
+};
+
+/// What ends the load later is not to be blamed on a picture that was left out.
+TEST_F(Codec, DamagedPicturesAreNotBlamedForWhatFollows) {
+  const float quad[] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+  primitive()["attributes"]["POSITION"] = accessor(view(quad, sizeof quad), 5126, "VEC3", 3);
+  primitive()["material"] = 0;
+  const char damaged[] = "\x89PNG\r\n\x1a\nxxxxxxxxxxxx";
+  ASSERT_TRUE(writeFileAtomic(folder_ / "bad.png", damaged, sizeof damaged - 1).ok());
+  doc_["images"] = Json::parse(R"([{"uri":"bad.png"}])");
+  doc_["textures"] = Json::parse(R"([{"source":0}])");
+  doc_["materials"] = Json::parse(R"([{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}])");
+  ASSERT_TRUE(mustLoad());  // writes the files
+  WatchedFiles files((folder_ / "a.gltf").string());
+  LoadOptions options;
+  options.files = &files;
+  const auto s = loadGltf((folder_ / "a.gltf").string(), options);
+  ASSERT_TRUE(s.ok()) << s.status().toString();
+  EXPECT_FALSE((*s)->materials[0].albedo.texture.valid());
+  EXPECT_EQ(std::count(files.places.begin(), files.places.end(), "/images/0"), 1);
+  ASSERT_FALSE(files.places.empty());
+  EXPECT_EQ(files.places.back(), "");
+}
+
+/// The largest skin is the measure, wherever it stands and however many primitives ask.
+TEST_F(Codec, JointsBeyondEverySkinAreNamed) {
+  const float quad[] = {0, 0, 0, 1, 0, 0, 0, 1, 0}, all[] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0}, one[] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  const uint8_t within[] = {0, 2, 0, 0, 0, 2, 0, 0, 0, 2, 0, 0}, beyond[] = {0, 3, 0, 0, 0, 3, 0, 0, 0, 2, 0, 0};  // the second has no weight
+  std::vector<float> binds;
+  for (int joint = 0; joint < 3; ++joint) binds.insert(binds.end(), std::begin(one), std::end(one));
+  const int positions = accessor(view(quad, sizeof quad), 5126, "VEC3", 3), weights = accessor(view(all, sizeof all), 5126, "VEC4", 3),
+            inverse = accessor(view(binds.data(), binds.size() * 4), 5126, "MAT4", 3), single = accessor(view(one, sizeof one), 5126, "MAT4", 1);
+  const int joints[] = {accessor(view(within, sizeof within), 5121, "VEC4", 3), accessor(view(beyond, sizeof beyond), 5121, "VEC4", 3)};
+  doc_["meshes"][0]["primitives"] = Json::array();
+  for (const int j : joints) doc_["meshes"][0]["primitives"].push_back({{"attributes", {{"POSITION", positions}, {"JOINTS_0", j}, {"WEIGHTS_0", weights}}}});
+  doc_["nodes"] = Json::parse(R"([{"name":"n","mesh":0,"skin":1},{"children":[2,3]},{},{}])");
+  doc_["scenes"][0]["nodes"] = {0, 1};
+  doc_["skins"] = Json::parse(R"([{"joints":[1]},{"joints":[1,2,3]},{"joints":[2]}])");
+  doc_["skins"][0]["inverseBindMatrices"] = doc_["skins"][2]["inverseBindMatrices"] = single;
+  doc_["skins"][1]["inverseBindMatrices"] = inverse;
+  const ScenePtr s = mustLoad();
+  ASSERT_TRUE(s);
+  std::vector<std::string> said;
+  for (const std::string& w : s->warnings)
+    if (w.find("JOINTS_0") != std::string::npos) said.push_back(w);
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_EQ(said[0], "/meshes/0/primitives/1/attributes/JOINTS_0: 2 joints without weight are out of range of every skin");
 }
 
 float farthest(const Mesh& a, const Mesh& b) {

@@ -192,6 +192,127 @@ TEST_F(Gltf, MaterialsLightsAndCameras) {
   EXPECT_EQ(s->cameras[s->findCamera("plan")].yheight, 6.0f);
 }
 
+/// A scale of 0 along one axis makes a mesh flat; along more it hides it, whether or not the file has an animation.
+TEST_F(Gltf, FlatNodesAreDrawn) {
+  const Json good = doc_;
+  const auto scaled = [&](const Json& scale, bool animated) {
+    doc_ = good;
+    bin_.resize(108);
+    doc_["nodes"][0]["scale"] = scale;
+    if (!animated) return load();
+    const float keys[] = {0, 1, 0, 0, 0, 1, 0, 0};
+    bin_.resize(140);
+    std::memcpy(bin_.data() + 108, keys, sizeof keys);
+    doc_["buffers"][0]["byteLength"] = 140;
+    doc_["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", 108}, {"byteLength", 8}});
+    doc_["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", 116}, {"byteLength", 24}});
+    doc_["accessors"].push_back(Json::parse(R"({"bufferView":3,"componentType":5126,"count":2,"type":"SCALAR","min":[0],"max":[1]})"));
+    doc_["accessors"].push_back(Json::parse(R"({"bufferView":4,"componentType":5126,"count":2,"type":"VEC3"})"));
+    doc_["nodes"].push_back(Json::object({{"name", "other"}}));
+    doc_["animations"] = Json::parse(R"([{"samplers":[{"input":3,"output":4}],"channels":[{"sampler":0,"target":{"node":1,"path":"translation"}}]}])");
+    return load();
+  };
+  const Json scales[] = {{2, 2, 0}, {0, 2, 3}, {2, 0, 3}};
+  for (const Json& scale : scales) {
+    const ScenePtr still = scaled(scale, false), moving = scaled(scale, true);
+    ASSERT_TRUE(still && moving);
+    EXPECT_TRUE(still->warnings.empty()) << scale << still->warnings[0];
+    ASSERT_EQ(still->instances.size(), 1u) << scale;
+    ASSERT_EQ(moving->instances.size(), 1u) << scale;
+    const Mat4& m = still->instances[0].toWorld;
+    EXPECT_EQ(m, moving->instances[0].toWorld) << scale;
+    EXPECT_GT(std::fabs(glm::determinant(Mat3(m))), 0.0f) << scale;
+    const Vec3 given(scale[0].get<float>(), scale[1].get<float>(), scale[2].get<float>());
+    EXPECT_LT(glm::length(Vec3(m * Vec4(1, 1, 1, 1)) - (Vec3(1, 2, 3) + given)), 1e-5f) << scale;
+  }
+  // Flattened by its parent across its own axes: none of them is 0, and it is flat all the same.
+  doc_ = good;
+  bin_.resize(108);
+  doc_["nodes"][0]["rotation"] = {0.0, 0.38268343, 0.0, 0.92387953};
+  doc_["nodes"].push_back(Json::parse(R"({"name":"press","scale":[1,1,0],"children":[0]})"));
+  doc_["scenes"][0]["nodes"] = {1};
+  const ScenePtr pressed = load();
+  ASSERT_TRUE(pressed);
+  EXPECT_TRUE(pressed->warnings.empty());
+  ASSERT_EQ(pressed->instances.size(), 1u);
+  EXPECT_LT(glm::length(Vec3(pressed->instances[0].toWorld * Vec4(1, 1, 0, 1)) - Vec3(1 + std::sqrt(0.5f), 3, 0)), 1e-5f);
+
+  const Json hidden[] = {{2, 0, 0}, {0, 0, 3}, {0, 0, 0}};
+  for (const Json& scale : hidden) {
+    const ScenePtr still = scaled(scale, false), moving = scaled(scale, true);
+    ASSERT_TRUE(still && moving);
+    EXPECT_TRUE(still->instances.empty()) << scale;
+    ASSERT_FALSE(still->warnings.empty()) << scale;
+    EXPECT_EQ(still->warnings[0].find("/nodes/0: "), 0u) << still->warnings[0];
+    ASSERT_EQ(moving->instances.size(), 1u) << scale << ": it may grow";
+    EXPECT_LT(glm::length(Vec3(moving->instances[0].toWorld[0])), 1e-6f) << scale;
+  }
+}
+
+/// KHR_lights_punctual: of the node's transform only place and direction count. A camera without a direction is left out, an area light without
+/// an area is dark; a warning says either.
+TEST_F(Gltf, PointLightsDoNotMindScale) {
+  doc_["extensionsUsed"] = Json::array({"KHR_lights_punctual"});
+  doc_["extensions"]["KHR_lights_punctual"]["lights"] = Json::parse(R"([{"type":"point","intensity":10},{"type":"spot","intensity":10,"spot":{}}])");
+  doc_["cameras"] = Json::parse(R"([{"type":"perspective","perspective":{"yfov":0.7,"znear":0.1}}])");
+  const char* names[] = {"point", "spot"};
+  for (int light = 0; light < 2; ++light) {
+    Json node = {{"name", names[light]}, {"translation", {4, 5, 6}}, {"rotation", {0.70710678, 0, 0, 0.70710678}}};
+    node["extensions"]["KHR_lights_punctual"]["light"] = light;
+    doc_["nodes"].push_back(node);
+  }
+  doc_["nodes"].push_back(Json::parse(R"({"name":"panel","extras":{"gobo_light":{"type":"rect","radiance":[1,2,3]}}})"));
+  doc_["nodes"].push_back(Json::parse(R"({"name":"eye","camera":0})"));
+  doc_["scenes"][0]["nodes"] = {0, 1, 2, 3, 4};
+  const Json scales[] = {{1, 1, 1}, {1, 1, 0}, {1, 0, 1}, {0, 1, 1}, {1, 0, 0}, {0, 0, 1}, {0, 0, 0}};
+  for (const Json& scale : scales) {
+    SCOPED_TRACE(scale.dump());
+    for (size_t node = 1; node <= 4; ++node) doc_["nodes"][node]["scale"] = scale;
+    const ScenePtr s = load();
+    ASSERT_TRUE(s);
+    for (const char* name : names) {
+      ASSERT_GE(s->findLight(name), 0) << name;
+      const Light& l = s->lights[size_t(s->findLight(name))];
+      EXPECT_EQ(l.power, Vec3(10.0f)) << name;
+      EXPECT_EQ(l.shape.position, Vec3(4, 5, 6)) << name;
+      EXPECT_LT(glm::length(l.shape.axis - Vec3(0, 1, 0)), 1e-6f) << name;
+    }
+    const int zeros = int(scale[0] == 0) + int(scale[1] == 0) + int(scale[2] == 0);
+    const bool dark = scale[0] == 0 || scale[1] == 0;
+    const LightShape& panel = s->lights[size_t(s->findLight("panel"))].shape;
+    EXPECT_EQ(glm::length(glm::cross(panel.u, panel.v)) < 1e-8f, dark);
+    EXPECT_EQ(s->findCamera("eye") >= 0, zeros < 2);
+    EXPECT_EQ(s->warnings.size(), size_t(dark) + size_t(zeros > 1));
+  }
+}
+
+/// Without normals a file's tangents are of nothing: they are made from texture coordinates, as where it has none.
+TEST_F(Gltf, TangentsNeedNormals) {
+  const float tangents[16] = {0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1};
+  bin_.resize(172);
+  std::memcpy(bin_.data() + 108, tangents, sizeof tangents);
+  doc_["buffers"][0]["byteLength"] = 172;
+  doc_["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", 108}, {"byteLength", 64}});
+  doc_["accessors"].push_back(Json::parse(R"({"bufferView":3,"componentType":5126,"count":4,"type":"VEC4"})"));
+  Json& attributes = doc_["meshes"][0]["primitives"][0]["attributes"];
+  attributes["TANGENT"] = 3;
+  const ScenePtr both = load();
+  ASSERT_TRUE(both);
+  EXPECT_TRUE(both->warnings.empty());
+  ASSERT_EQ(both->meshes[0]->tangents.size(), 4u);
+  EXPECT_EQ(both->meshes[0]->tangents[0], Vec4(0, 1, 0, 1));
+  attributes.erase("NORMAL");
+  const ScenePtr alone = load();
+  ASSERT_TRUE(alone);
+  ASSERT_EQ(alone->warnings.size(), 1u);
+  EXPECT_EQ(alone->warnings[0], "/meshes/0/primitives/0/attributes/TANGENT: tangents without normals are ignored");
+  attributes.erase("TANGENT");
+  const ScenePtr neither = load();
+  ASSERT_TRUE(neither);
+  EXPECT_EQ(alone->facetHash(Facet::Shading, {}), neither->facetHash(Facet::Shading, {}));
+  EXPECT_NE(alone->facetHash(Facet::Shading, {}), both->facetHash(Facet::Shading, {}));
+}
+
 /// Points become balls, lines tubes with tips, of 1/500 of the diagonal, closed and facing outwards, with their vertices' colours.
 TEST_F(Gltf, PointsAndLinesAreDrawn) {
   const Json good = doc_;

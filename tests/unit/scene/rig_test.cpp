@@ -3,7 +3,10 @@
 // the scene that it was made of.
 #include <gtest/gtest.h>
 
+#include <unistd.h>
+
 #include <filesystem>
+#include <fstream>
 #include <functional>
 
 #include "import/load.h"
@@ -220,6 +223,90 @@ TEST(Rig, APoseSharesWhatItDoesNotMove) {
                 ->hash(),
             rest->hash())
       << "the rig is part of the scene's identity";
+}
+
+/// A file of two nodes: a lamp at (0, 1, 2), turned so that -z of its own is +y, with a camera, whose scale goes from one vector to another
+/// within a second; and the camera "still". `lamp`: what the node says further, and what the file does.
+Result<ScenePtr> scaledLamp(const std::string& lamp, const Vec3& rest, const Vec3& from, const Vec3& to, const std::string& file = "") {
+  const fs::path folder = fs::temp_directory_path() / ("gobo-scaled-lamp-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  const float keys[] = {0, 1, from.x, from.y, from.z, to.x, to.y, to.z};
+  std::ofstream(folder / "keys.bin", std::ios::binary).write(reinterpret_cast<const char*>(keys), sizeof keys);
+  std::ofstream(folder / "lamp.gltf") << R"({"asset":{"version":"2.0"},"scenes":[{"nodes":[0,1]}],"nodes":[{"name":"lamp","camera":0,"translation":[0,1,2],
+    "rotation":[0.70710678,0,0,0.70710678],"scale":[)"
+                                      << rest.x << "," << rest.y << "," << rest.z << "]," << lamp << R"(},{"name":"still","camera":0}],
+    "cameras":[{"type":"perspective","perspective":{"yfov":0.7,"znear":0.1}}],"buffers":[{"uri":"keys.bin","byteLength":32}],
+    "bufferViews":[{"buffer":0,"byteLength":8},{"buffer":0,"byteOffset":8,"byteLength":24}],
+    "accessors":[{"bufferView":0,"componentType":5126,"count":2,"type":"SCALAR","min":[0],"max":[1]},{"bufferView":1,"componentType":5126,"count":2,"type":"VEC3"}],
+    "animations":[{"samplers":[{"input":0,"output":1}],"channels":[{"sampler":0,"target":{"node":0,"path":"scale"}}]}])"
+                                      << file << "}";
+  auto scene = loadGltf((folder / "lamp.gltf").string());
+  fs::remove_all(folder);
+  return scene;
+}
+
+/// Watts of an area light whose radiance is 1, by pi.
+double lampArea(const LightShape& s) {
+  if (s.kind == LightKind::Rect) return 4.0 * glm::length(DVec3(s.u)) * glm::length(DVec3(s.v));
+  return (s.kind == LightKind::Disk ? 1.0 : 4.0) * M_PI * double(s.radius) * double(s.radius);
+}
+
+TEST(Rig, ALampScaledToNothingIsDarkAndComesBack) {
+  const auto lampOf = [](const ScenePtr& s) { return s->lights[size_t(s->findLight("lamp"))]; };
+  for (const char* type : {"rect", "disk", "sphere"}) {
+    const std::string lamp = std::string(R"("extras":{"gobo_light":{"type":")") + type + R"(","radiance":[5,5,5]}})";
+    for (const Vec3& gone : {Vec3(0.0f), Vec3(0, 1, 1), Vec3(0, 1, 0), Vec3(0, 0, 1)}) {
+      SCOPED_TRACE(std::string(type) + " " + std::to_string(gone.y) + " " + std::to_string(gone.z));
+      // It shrinks: half way it has half its sizes, at the end none, and its light is of the direction that it had.
+      const auto shrinks = scaledLamp(lamp, Vec3(1.0f), Vec3(1.0f), gone);
+      ASSERT_TRUE(shrinks.ok()) << shrinks.status().toString();
+      const Light whole = lampOf(*shrinks), half = lampOf(at(*shrinks, "", 0.5)), none = lampOf(at(*shrinks, "", 1.0));
+      EXPECT_GT(lampArea(whole.shape), 0.7);
+      EXPECT_LT(lampArea(half.shape), 0.51 * lampArea(whole.shape));
+      EXPECT_GT(lampArea(half.shape), 0.24 * lampArea(whole.shape));
+      EXPECT_LT(lampArea(none.shape), 1e-8);
+      EXPECT_EQ(none.power, whole.power) << "its radiance";
+      EXPECT_EQ(none.shape.position, Vec3(0, 1, 2));
+      EXPECT_LT(glm::length(none.shape.axis - Vec3(0, 1, 0)), 1e-6f);
+      EXPECT_LT(glm::length(half.shape.axis - Vec3(0, 1, 0)), 1e-6f);
+      EXPECT_EQ(at(*shrinks, "", 0.0)->hash(), (*shrinks)->hash());
+
+      // It grows: the file rests where it has no size.
+      const auto grows = scaledLamp(lamp, gone, gone, Vec3(1.0f));
+      ASSERT_TRUE(grows.ok()) << grows.status().toString();
+      ASSERT_GE((*grows)->findLight("lamp"), 0);
+      EXPECT_LT(lampArea(lampOf(*grows).shape), 1e-8);
+      const LightShape grown = lampOf(at(*grows, "", 1.0)).shape;
+      EXPECT_NEAR(lampArea(grown), lampArea(whole.shape), 1e-6);
+      EXPECT_LT(glm::length(grown.axis - whole.shape.axis) + glm::length(grown.u - whole.shape.u) + glm::length(grown.v - whole.shape.v), 1e-5f);
+      // So does the camera, which no scale blinds.
+      const int eye = (*grows)->findCamera("lamp");
+      ASSERT_GE(eye, 0);
+      for (const double t : {0.0, 1.0}) EXPECT_LT(glm::length(Vec3(at(*grows, "", t)->cameras[size_t(eye)].toWorld[2]) - Vec3(0, -1, 0)), 1e-6f) << t;
+    }
+    // Watts of a lamp that has no size, or less than lamps are made of, are no radiance.
+    const std::string watts = std::string(R"("extras":{"gobo_light":{"type":")") + type + R"(","power_w":[5,5,5]}})";
+    for (const Vec3& gone : {Vec3(0.0f), Vec3(0, 1, 1), Vec3(1e-12f, 1, 1)}) {
+      const Status s = scaledLamp(watts, gone, gone, Vec3(1.0f)).status();
+      EXPECT_NE(s.message().find("too small for its power"), std::string::npos) << s.toString();
+      EXPECT_NE(s.location().find("#/nodes/0/extras/gobo_light/power_w"), std::string::npos) << s.toString();
+    }
+  }
+  // A light that has its power by itself keeps it, its place and, of its rotation alone, its direction.
+  for (const char* type : {"point", "spot", "directional"}) {
+    const std::string lights = std::string(R"(,"extensionsUsed":["KHR_lights_punctual"],"extensions":{"KHR_lights_punctual":{"lights":[{"type":")") + type +
+                               R"(","intensity":10)" + (std::string(type) == "spot" ? R"(,"spot":{})" : "") + "}]}}";
+    for (const Vec3& rest : {Vec3(0.0f), Vec3(1.0f)}) {
+      const auto s = scaledLamp(R"("extensions":{"KHR_lights_punctual":{"light":0}})", rest, rest, Vec3(1.0f) - rest, lights);
+      ASSERT_TRUE(s.ok()) << s.status().toString();
+      for (const double t : {0.0, 0.5, 1.0}) {
+        const Light l = lampOf(at(*s, "", t));
+        EXPECT_EQ(l.power, Vec3(10.0f)) << type << t;
+        EXPECT_EQ(l.shape.position, Vec3(0, 1, 2)) << type << t;
+        EXPECT_LT(glm::length(l.shape.axis - Vec3(0, 1, 0)), 1e-6f) << type << t;
+      }
+    }
+  }
 }
 
 TEST(Rig, VariantsChangeMaterialsAlone) {

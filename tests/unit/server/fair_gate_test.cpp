@@ -79,6 +79,24 @@ TEST(FairGate, WhoHasGoneWaitsNoLongerAndAFullQueueRefuses) {
   EXPECT_EQ(gate.waiting(), 1u);
 }
 
+TEST(FairGate, WhoComesKnowsWhetherThereIsAPlaceForHim) {
+  FairGate gate({2, 1});
+  const auto free = [&](const std::string& client) {
+    bool is = false;
+    EXPECT_FALSE(gate.enter(client, kNever, [&](const FairGate::Queue& queue) {
+      is = queue.free;
+      return true;
+    }));
+    return is;
+  };
+  EXPECT_TRUE(free("a"));
+  const auto first = gate.enter("a", kNever);
+  EXPECT_FALSE(free("a")) << "the other place is for somebody who has none";
+  EXPECT_TRUE(free("b"));
+  const auto second = gate.enter("b", kNever);
+  EXPECT_FALSE(free("c"));
+}
+
 TEST(FairGate, APlaceComesBackHoweverItIsMoved) {
   FairGate gate({1, 1});
   {

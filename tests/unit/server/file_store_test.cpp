@@ -9,6 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cctype>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -242,6 +243,52 @@ TEST_F(Files, WhatIsHeldOrOnItsWayStays) {
   tree->reset();
   EXPECT_TRUE(put("most").ok());
   EXPECT_FALSE(has("held"));
+}
+
+TEST_F(Files, ASetThatCannotBeThereAtOnceIsRefused) {
+  bytes = 8 * kLeast;  // one owner: four files
+  open();
+  const auto fits = [&](const std::string& owner, const std::vector<std::string>& files) {
+    std::map<std::string, uint64_t> set;
+    for (const std::string& data : files) set[hash(data)] = data.size();
+    const Status status = store->fitTogether(owner, set);
+    if (!status.ok()) {
+      EXPECT_EQ(status.code(), Code::ResourceExhausted);
+      EXPECT_NE(status.message().find("blobs.bytes = " + std::to_string(bytes)), std::string::npos) << status.message();
+    }
+    return status.ok();
+  };
+  EXPECT_TRUE(fits("alice", {"0", "1", "2", "3"}));
+  EXPECT_FALSE(fits("alice", {"0", "1", "2", "3", "4"}));
+  EXPECT_FALSE(fits("alice", {"0", "1", std::string(2 * kLeast + 1, 'x')})) << "what is larger counts as what it is";
+  EXPECT_FALSE(store->fitTogether("alice", {{hash("0"), UINT64_MAX}, {hash("1"), UINT64_MAX}}).ok());
+  std::string upper = hash("0");
+  for (char& c : upper) c = char(std::toupper(c));
+  EXPECT_TRUE(store->fitTogether("alice", {{hash("0"), 2 * kLeast + 1}, {upper, 2 * kLeast + 1}}).ok()) << "one file";
+  // What may go does not count; what is in use, or on its way, does, and once.
+  ASSERT_TRUE(put("held", "alice").ok());
+  EXPECT_TRUE(fits("alice", {"0", "1", "2", "3"}));
+  auto tree = store->tree("alice", {{"a.bin", hash("held")}}, "field");
+  ASSERT_TRUE(tree.ok());
+  EXPECT_FALSE(fits("alice", {"0", "1", "2", "3"}));
+  EXPECT_TRUE(fits("alice", {"0", "1", "2", "held"}));
+  {
+    auto writer = store->begin("alice", hash("on its way"), 10, 0);
+    ASSERT_TRUE(writer.ok());
+    EXPECT_FALSE(fits("alice", {"0", "1", "2"}));
+    EXPECT_TRUE(fits("alice", {"0", "1", "on its way"}));
+  }
+  EXPECT_TRUE(fits("alice", {"0", "1", "2"}));
+  EXPECT_TRUE(fits("bob", {"0", "1", "2", "3"})) << "another's half is his own";
+  // ... as far as all together leave it.
+  std::vector<std::shared_ptr<const FileTree>> others;
+  for (int i = 0; i < 6; ++i) {
+    const std::string data = std::to_string(i), owner = i < 3 ? "bob" : "carol";
+    ASSERT_TRUE(put(data, owner).ok());
+    others.push_back(*store->tree(owner, {{"a.bin", hash(data)}}, "field"));
+  }
+  EXPECT_TRUE(fits("dave", {"x"}));
+  EXPECT_FALSE(fits("dave", {"x", "y"}));
 }
 
 TEST_F(Files, OldPartsGo) {

@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 #include <stdlib.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <sstream>
 
 #include <toml++/toml.h>
@@ -182,6 +184,44 @@ TEST(Reload, WhatMayChangeDoesAndTheRestIsNamed) {
   EXPECT_EQ(now.queuedBatch, running.queuedBatch);
   EXPECT_EQ(fixedKeysThatDiffer(running, next), (std::vector<std::string>{"http.listen", "engine.threads", "scheduler.queued_batch"}));
   EXPECT_TRUE(fixedKeysThatDiffer(running, running).empty());
+}
+
+// None is passed over in silence: each either changes with a reload, or is named as one that waits for a restart.
+TEST_F(SecurityConfig, EveryKeyIsReloadedOrNamedAsFixed) {
+  const std::string digest = "\"" + std::string(64, 'b') + "\"";
+  // Of each kind of value one that is no key's default.
+  const std::vector<std::string> values = {"true", "17", "\"0640\"", digest, "[\"batch\"]"};
+  for (const std::string& key : configKeys()) {
+    const size_t dot = key.find('.');
+    const std::string table = dot == std::string::npos ? "" : key.substr(0, dot), name = key.substr(dot + 1);  // npos + 1: all of it
+    const auto with = [&](const std::string& value) {
+      if (table != "tokens") return (table.empty() ? "" : "[" + table + "]\n") + name + " = " + value + "\n";
+      std::map<std::string, std::string> lines{{"name", "\"a\""}, {"sha256", "\"" + kDigest + "\""}};
+      if (!value.empty()) lines[name] = value;
+      std::string text = "[[tokens]]\n";
+      for (const auto& [k, v] : lines) text += k + " = " + v + "\n";
+      return text;
+    };
+    const std::string file = folder + "/g.toml";
+    ServerConfig running, next;
+    if (table == "tokens") {
+      test::writeFile(file, with(""));
+      ASSERT_TRUE(readConfig(file, running).ok());
+    }
+    running.file = file;
+    bool changed = false;
+    for (size_t i = 0; i < values.size() && !changed; ++i) {
+      test::writeFile(file, with(values[i]));
+      next = {};
+      changed = readConfig(file, next).ok() && !(next == running);
+    }
+    ASSERT_TRUE(changed) << key;
+    const std::vector<std::string> fixed = fixedKeysThatDiffer(running, next);
+    const bool named =
+        std::any_of(fixed.begin(), fixed.end(), [&](const std::string& k) { return k == key || (!table.empty() && k.rfind(table + " (", 0) == 0); });
+    EXPECT_TRUE(named || !(reloaded(running, next) == running)) << key;
+    EXPECT_EQ(fixed.size(), named ? 1u : 0u) << key;
+  }
 }
 
 }  // namespace

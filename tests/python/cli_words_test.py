@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers and sizes on the command line, and output that cannot be written: nothing is taken for another thing, and nothing is lost unsaid."""
+import os
+import resource
+import signal
+import subprocess
+import tempfile
+import unittest
+
+from support import CLI, DaemonTest
+
+GOBOD = os.environ["GOBO_GOBOD"]
+
+
+class Words(DaemonTest):
+    @classmethod
+    def setUpClass(cls):
+        jobs = tempfile.TemporaryDirectory(prefix="gobo-test-words-")
+        cls.addClassCleanup(jobs.cleanup)
+        cls.options = {"jobs": jobs.name}
+        super().setUpClass()
+
+    def test_numbers_are_finite_and_within_their_range(self):
+        numbers = (("--time", ("render", "cornell", "-o", "x.exr"), True), ("--error", ("render", "cornell", "-o", "x.exr"), True),
+                   ("--deadline", ("render", "cornell", "-o", "x.exr"), True), ("--fps", ("jobs", "submit", "cornell", "--frames", "1-2"), True),
+                   ("--job-deadline", ("jobs", "submit", "cornell"), True), ("--light-share", ("environment", "x.hdr"), True),
+                   ("--max-rmse", ("compare", "a.exr", "b.exr"), False))
+        for option, words, above in numbers:
+            for value in ("nan", "-nan", "inf", "-1", "1e999") + (("0",) if above else ()):
+                said = self.cli(*words, f"{option}={value}", code=2).stderr
+                self.assertIn(f"{option}: {value} must be a finite number", said)
+                self.assertLess(len(said), 200)
+        self.cli("--timeout=nan", "status", code=2)
+        self.assertEqual(os.listdir(self.folder), [])
+
+    def test_sizes_do_not_wrap(self):
+        for size in ("4294967328x24", "24x4294967328", "99999999999999999999x4", "32x-4", "-32x4", "+32x4", "32x4x", "32x", "x4", "32 x4"):
+            self.assertIn(f"--size {size}: must be WIDTHxHEIGHT", self.cli("render", "cornell", "-o", "x.exr", f"--size={size}", code=2).stderr)
+
+    def test_output_that_cannot_be_written_is_a_failure(self):
+        env = {**os.environ, "GOBO_SERVER": self.client.address}
+        for words in (["man"], ["scenes"], ["--json", "status"], ["--version"], ["--help"], ["completion", "bash"], ["__complete", "ren"]):
+            with open("/dev/full", "w", encoding="utf-8") as full:
+                done = subprocess.run([CLI, *words], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, env=env)
+            self.assertEqual((words, done.returncode), (words, 1))
+            self.assertIn("cannot write to standard output: No space left on device", done.stderr)
+        for word in ("--version", "--help", "--check"):
+            with open("/dev/full", "w", encoding="utf-8") as full:
+                done = subprocess.run([GOBOD, word], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+            self.assertEqual((word, done.returncode), (word, 1))
+            self.assertIn("gobod: cannot write to standard output", done.stderr)
+
+    def test_a_fetched_file_that_does_not_fit_is_named(self):
+        job = self.client.jobs.submit("cornell", width=64, height=48, spp=1)
+        job.wait(timeout=100)
+
+        def little():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+
+        done = subprocess.run([CLI, "jobs", "fetch", job.id, "-o", self.path("out")], capture_output=True, text=True,
+                              timeout=60, preexec_fn=little,
+                              env={**os.environ, "GOBO_SERVER": self.client.address})
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertIn("cannot write file: File too large", done.stderr)
+        self.assertIn(self.path("out"), done.stderr)
+        self.assertEqual(os.listdir(self.path("out")), [])
+
+
+if __name__ == "__main__":
+    unittest.main()
