@@ -36,8 +36,8 @@ CLI::Option* value(CLI::App& app, const std::string& names, T& target, const std
 
 /// For options of real numbers. CLI11's own compare with < and >, which not-a-number passes, and print bounds of 309 digits.
 CLI::Validator realNumber(double low, bool open, double high = std::numeric_limits<double>::infinity()) {
-  const std::string range =
-      std::string(" must be a finite number ") + (open ? "above " : "of at least ") + strf("%g", low) + (std::isfinite(high) ? strf(" and at most %g", high) : "");
+  const std::string range = std::string(" must be a finite number ") + (open ? "above " : "of at least ") + strf("%g", low) +
+                            (std::isfinite(high) ? strf(" and at most %g", high) : "");
   return CLI::Validator(
       [=](std::string& text) -> std::string {
         double v = 0;
@@ -126,8 +126,7 @@ void addRequestOptions(CLI::App& app, RequestOptions& o, bool scheduling = true)
         "how noise is taken out of path-traced light (docs/noise.md); fireflies before it: --set denoise.outliers=path_density");
   auto* spp = value(app, "--spp", o.spp, "N", "samples per pixel")->check(CLI::Range(1, 1048576).description(""));
   auto* time = value(app, "--time", o.time, "SECONDS", "stop after this time")->check(realNumber(0, true));
-  auto* error = value(app, "--error", o.error, "RMSE", "stop when the certificate's upper bound is at most this")
-                    ->check(realNumber(0, true));
+  auto* error = value(app, "--error", o.error, "RMSE", "stop when the certificate's upper bound is at most this")->check(realNumber(0, true));
   spp->excludes(time)->excludes(error);
   time->excludes(error);
   if (!scheduling) return;
@@ -343,8 +342,7 @@ void CommandLine::addJobs() {
   submit->add_flag("--half", submit_.request.half, "16-bit EXR or raw");
   submit->add_flag("--certificate", submit_.request.certificate, "ask for an error estimate");
   value(*submit, "--job-priority", submit_.priority, choices(v1::JobSpec::Priority_descriptor()), "between jobs; default MEDIUM");
-  value(*submit, "--job-deadline", submit_.deadlineSeconds, "SECONDS", "the job fails when it is not done by then")
-      ->check(realNumber(0, true));
+  value(*submit, "--job-deadline", submit_.deadlineSeconds, "SECONDS", "the job fails when it is not done by then")->check(realNumber(0, true));
   value(*submit, "--max-attempts", submit_.attempts, "N", "of each frame; default 3")->check(CLI::Range(1, 100).description(""));
   value(*submit, "--tile-px", submit_.tile, "N", "render each frame in squares of this side, by several workers; whole if absent")
       ->check(CLI::Range(16, 16384).description(""));
@@ -472,8 +470,7 @@ void CommandLine::addTools() {
       ->required();
   value(*compare, "b", compare_.b, "FILE", "picture, as the first")->required();
   value(*compare, "--diff", compare_.diff, "FILE", "write a signed difference picture (PNG)");
-  value(*compare, "--scale", compare_.scale, "X", "error at full colour in --diff; default the largest")
-      ->check(realNumber(1e-30, false, 1e30));
+  value(*compare, "--scale", compare_.scale, "X", "error at full colour in --diff; default the largest")->check(realNumber(1e-30, false, 1e30));
   value(*compare, "--max-rmse", compare_.maxRmse, "X", "exit 1 when the RMSE is above this, or a pixel is not finite in one alone")
       ->check(realNumber(0, false));
 

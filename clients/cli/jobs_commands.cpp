@@ -412,7 +412,10 @@ int runJobShow(const SessionOptions& options, const std::string& id, bool json) 
 int runJobWatch(const SessionOptions& options, const std::string& id, bool json) {
   return withCode(options, [&](Session& session) -> Result<int> {
     GOBO_ASSIGN(const v1::Job last, watch(session, id, json));
-    if (!json) printJob(last);
+    if (!json) {
+      const auto whole = getJob(session, id);  // events have no specification
+      printJob(whole.ok() ? *whole : last);
+    }
     return exitOfJob(last);
   });
 }

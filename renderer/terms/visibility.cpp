@@ -20,7 +20,7 @@ class VisibilityNode final : public Node {
  public:
   explicit VisibilityNode(const VisibilitySettings& s) : s_(s) { GOBO_CHECK_GT(s.samples, 0u); }
   std::string type() const override { return "visibility"; }
-  int version() const override { return 3; }  // 2: in packets; 3: rays begin nearer to the surface
+  int version() const override { return 3; }  // 2: in packets; 3: rays begin nearer to the surface, further points
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::LightShape;
@@ -64,7 +64,9 @@ class VisibilityNode final : public Node {
             if (!surface.hit(e)) continue;
             const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
             const uint64_t seed = viewSampleSeed(s_.seed, film(e));
-            for (uint32_t i = 0; i < samples; ++i) {
+            // Points that cannot shine here say nothing: where none of the few can, others are drawn, or a surface in the dark would count as lit.
+            const uint32_t most = light.pointLike() || s_.hard ? samples : samples + kFurtherPoints;
+            for (uint32_t i = 0; i < samples || (i < most && !(sum[e - from] > 0)); ++i) {
               LightPoint point;
               const Vec2 u = light.pointLike() || s_.hard ? Vec2(0.5f) : SobolSampler(seed, i).next2D();
               if (!light.sample(p, N, Ng, u, point)) continue;

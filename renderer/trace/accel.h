@@ -121,8 +121,8 @@ inline Vec3 offsetOrigin(const Vec3& p, const Vec3& side, const Vec3& reach) {
 }
 /// `reach` of a point of Embree's instances, from that of the point in object space: Embree takes the ray there and back, the translation counts twice.
 inline Vec3 instanceReach(const Mat4& toWorld, const Vec3& local, const Vec3& world) {
-  return 2.0f * (glm::abs(Vec3(toWorld[0])) * local.x + glm::abs(Vec3(toWorld[1])) * local.y + glm::abs(Vec3(toWorld[2])) * local.z +
-                 glm::abs(Vec3(toWorld[3]))) +
+  return 2.0f *
+             (glm::abs(Vec3(toWorld[0])) * local.x + glm::abs(Vec3(toWorld[1])) * local.y + glm::abs(Vec3(toWorld[2])) * local.z + glm::abs(Vec3(toWorld[3]))) +
          glm::abs(world);
 }
 

@@ -166,6 +166,8 @@ class Blobs(DaemonTest):
 
 
 class Empty(DaemonTest):
+    options = {"roots": ()}
+
     def test_a_file_without_bytes_is_named(self):
         for name in ("empty.glb", "empty.hdr"):
             with open(self.path(name), "wb"):

@@ -140,8 +140,7 @@ Status readCase(Reader& r, const fs::path& folder, RegressCase& c) {
   std::string size = "320x240", output = "beauty";
   GOBO_TRY(r.text("size", size));
   const auto [width, height] = pictureSize(size).value_or(std::pair{0u, 0u});
-  if (width < 1 || height < 1 || width > 16384 || height > 16384)
-    return r.refuse("size", "must be WIDTHxHEIGHT, such as 320x240, at most 16384 a side");
+  if (width < 1 || height < 1 || width > 16384 || height > 16384) return r.refuse("size", "must be WIDTHxHEIGHT, such as 320x240, at most 16384 a side");
   c.request.set_width(width);
   c.request.set_height(height);
   GOBO_TRY(r.text("output", output));

@@ -105,7 +105,7 @@ class SceneLightSamplesNode final : public SamplesNode {
  public:
   explicit SceneLightSamplesNode(LightSamplesSettings s) : SamplesNode(s.from.view, s.resampling), s_(std::move(s)) {}
   std::string type() const override { return "subtractive_light_samples"; }
-  int version() const override { return 6; }  // as unshadowed_lights; 5: gloss of glass; 6: rays begin nearer to the surface
+  int version() const override { return 6; }  // as unshadowed_lights; 5: gloss of glass; 6: rays begin nearer to the surface, from points that can shine
   NodeTraits traits() const override {
     NodeTraits t = SamplesNode::traits();
     t.facets = t.facets | kLightFacets;
@@ -148,9 +148,15 @@ class SceneLightSamplesNode final : public SamplesNode {
    private:
     Arrivals::Light towards(size_t i, const LitPoint& p, const Vec3* lobe, uint64_t seed) const {
       Arrivals::Light out{{lobe[0], lobe[1]}, {}};
-      const Vec2 u = points_[i].pointLike() ? Vec2(0.5f) : SobolSampler(seed, uint32_t(i)).next2D();
-      if (!points_[i].sample(p.p, p.n, p.ng, u, out.point)) out.way = Arrivals::Way::Open;
-      else if (out.point.belowSurface) out.way = Arrivals::Way::Closed;
+      const bool pointLike = points_[i].pointLike();
+      // The one point stands for all of the light that arrives: one that cannot shine here, on the far side of a lamp, says nothing of it.
+      for (uint32_t k = 0; k <= (pointLike ? 0 : kFurtherPoints); ++k) {
+        const Vec2 u = pointLike ? Vec2(0.5f) : SobolSampler(seed, uint32_t(i + k * points_.size())).next2D();
+        if (!points_[i].sample(p.p, p.n, p.ng, u, out.point)) continue;
+        if (out.point.belowSurface) out.way = Arrivals::Way::Closed;
+        return out;
+      }
+      out.way = Arrivals::Way::Open;
       return out;
     }
 

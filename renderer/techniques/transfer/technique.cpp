@@ -57,6 +57,10 @@ class EnvironmentTransfer final : public Technique {
       c.warn("environment.transfer: the camera is inside a volume: the map is path traced");
       return {};
     }
+    if (c.kinds().clear) {  // its rays take every surface for solid
+      c.warn("environment.transfer: light passes some surfaces straight on (clear panes, volumes of index 1): the map is path traced");
+      return {};
+    }
     const bool lacksBounces = sky.transfer().bounces() > 0 && passesDiffusely(*c.scene());
     const PathSet diffuse = PathSet::FrontDiffuse | (lacksBounces ? PathSet::None : PathSet::IndirectDiffuse);
     const PathSet specular = PathSet::FrontSpecular | PathSet::IndirectSpecular;

@@ -338,7 +338,7 @@ TEST(AxisAlignedSources, MuIsSolvedForTheMeanSampleCount) {
         sum += n;
         EXPECT_TRUE(n >= 9 && n <= 256);
       }
-      EXPECT_NEAR(sum / (48.0 * 48.0) / mean, 1, 0.02);
+      EXPECT_NEAR(sum / (48.0 * 48.0) / mean, 1, 0.05);  // occluders along the floor: slopes are all alike, and counts step together
     }
   }
 }

@@ -235,6 +235,25 @@ TEST(SubtractiveLights, BehindClosedWallsTheRatioIsZeroAndNothingLeavesItsRange)
     }
 }
 
+// A rectangle of which two thirds cannot shine on the floor, below its horizon: a point there does not make all of it seen. Behind a plate that hides it.
+TEST(SubtractiveLights, AHalfSunkLampBehindAWallIsDark) {
+  Light sunk = lamp(LightKind::Rect, Vec3(-3, 0, 0), Vec3(20.0f));
+  sunk.shape.axis = Vec3(1, 0, 0);
+  sunk.shape.u = Vec3(0, 0, 1);
+  sunk.shape.v = Vec3(0, 1.5f, 0);
+  LampStage s(floorScene([](SceneMaker& m, int white) { m.instance(m.mesh(tests::box(Vec3(-2.6f, -3, -9), Vec3(-2.5f, 9, 9)), white)); }), {sunk}, 24, 18, 1);
+  const TermPtr c = s.full(), light = s.picture(Form::Ratio, 1, 40), V = s.shadows(s.subset[0]);
+  const auto P = s.g->floats("P");
+  int looked = 0;
+  for (size_t p = 0; p < s.pixels(); ++p) {
+    if (P[3 * p] < -2.4f || std::abs(P[3 * p + 1]) > 1e-4f || !(c->floats("diffuse")[3 * p] > 0.0f)) continue;
+    ++looked;
+    ASSERT_EQ(light->floats("diffuse")[3 * p], 0.0f) << p;
+    ASSERT_EQ(V->floats("V")[p], 0.0f) << p;
+  }
+  EXPECT_GT(looked, 100);
+}
+
 TEST(SubtractiveLights, OneLampCastsTheAnalyticShadowOfABall) {
   const Vec3 centre(0.2f, 0.9f, 0.1f), at(0.6f, 2.6f, -0.3f);
   const float radius = 0.4f;

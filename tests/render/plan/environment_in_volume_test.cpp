@@ -64,5 +64,18 @@ TEST(EnvironmentInVolume, ACameraInsideOfOneHasTheMapPathTraced) {
   }
 }
 
+// The transfer's rays take every surface for solid: under a pane there would be night.
+TEST(EnvironmentInVolume, LightUnderAClearPaneIsNotTransfers) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("aquarium", 16, 12, 64);
+  set(r, "outputs=direct");
+  const ScenePtr scene = aquarium(false);  // seen through the box's lid
+  const RenderResult truth = pictureOf(*engine, scene, r);
+  set(r, "environment.transfer.points=300");
+  const RenderResult picture = pictureOf(*engine, scene, r);
+  EXPECT_TRUE(warns(picture, "environment.transfer: light passes some surfaces straight on (clear panes, volumes of index 1): the map is path traced"));
+  EXPECT_EQ(firstDifference(picture, truth), "");
+}
+
 }  // namespace
 }  // namespace gobo::testing::environment_in_volume_test

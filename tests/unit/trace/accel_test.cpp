@@ -3,8 +3,8 @@
 
 #include <array>
 #include <atomic>
-#include <future>
 #include <cmath>
+#include <future>
 #include <limits>
 #include <random>
 #include <thread>
