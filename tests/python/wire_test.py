@@ -158,6 +158,8 @@ class Busy(unittest.TestCase):
             time.sleep(0.5)
             return found(request, context)
         with tempfile.NamedTemporaryFile(suffix=".glb") as file:
+            file.write(b"glTF")   # one without bytes is refused here
+            file.flush()
             with Liar(Open=refuse, Inspect=found, Render=timed, RenderProgressive=timed) as liar, gobo.connect(liar.address, timeout=8) as client:
                 # Times of ten seconds and more would be told in a coarser unit.
                 for seconds, work in ((9, lambda: client.render(file.name, timeout=9)), (8, lambda: client.render(file.name)),
