@@ -33,10 +33,10 @@ void addSamples(Runner& r, const Term& gbuffer, const LightPoints& points, const
       for (uint32_t i = first; i < first + rays; ++i) {
         s.all[e] += 1;
         LightPoint q;
-        if (!points.sample(p, N, Ng, points.pointLike() ? Vec2(0.5f) : SobolSampler(sequence, i).next2D(), q)) continue;
+        if (!points.sample(p, N, Ng, points.pointLike() ? Vec2(0.5f) : SobolSampler(sequence, i).next2D(), q) || q.belowSurface) continue;
         s.weight[e] += q.weight;
         s.count[e] += 1;
-        if (q.belowSurface || accel.occluded(shadowRay(accel, p, Ng, q))) continue;
+        if (accel.occluded(shadowRay(accel, p, Ng, q))) continue;
         s.seen[e] += q.weight;
         s.lit[e] += 1;
       }

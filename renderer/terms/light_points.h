@@ -18,7 +18,7 @@ struct LightPoint {
   Vec3 direction{0.0f};       ///< unit, from the receiver
   float distance = 0;         ///< metres; 3e38 for Directional
   float weight = 0;           ///< share in the visibility ratio: cosine at the receiver times the light's foreshortening; 1 for point-like lights
-  bool belowSurface = false;  ///< above the shading normal's horizon but below the surface itself: blocked without a ray
+  bool belowSurface = false;  ///< above the shading normal's horizon but below the surface itself: nothing arrives from there, shadow or not
 };
 
 class LightPoints {

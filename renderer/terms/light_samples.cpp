@@ -68,13 +68,13 @@ Result<TermPtr> LightSamplesNode::run(const RunContext& ctx) const {
   for (size_t j = 0; j < J; ++j) mean.push_back(s_.bands.mean(int(j)));
   struct Sample {
     float u, v, weight;
-    bool seen;
+    bool seen, below;
   };
   const bool complete = ctx.arena->parallelFor(
       surface.size(), 128,
       [&](size_t from, size_t to) {
         uint64_t rays = 0;
-        std::vector<Sample> samples((to - from) * K, Sample{0, 0, 0, false});
+        std::vector<Sample> samples((to - from) * K, Sample{0, 0, 0, false, false});
         Ray ray[16];
         Sample* of[16] = {};
         int count = 0;
@@ -95,7 +95,8 @@ Result<TermPtr> LightSamplesNode::run(const RunContext& ctx) const {
             const Vec3 at = p + q.direction * q.distance - rectangle.centre;
             s.u = std::clamp(glm::dot(at, rectangle.u) / rectangle.halfU, -1.0f, 1.0f);
             s.v = std::clamp(glm::dot(at, rectangle.v) / rectangle.halfV, -1.0f, 1.0f);
-            s.weight = q.weight;
+            s.weight = q.belowSurface ? 0.0f : q.weight;
+            s.below = q.belowSurface;
             if (i < s_.pilot) {
               s.seen = !(blocked[e] >> i & 1);
             } else if (!q.belowSurface) {
@@ -110,11 +111,13 @@ Result<TermPtr> LightSamplesNode::run(const RunContext& ctx) const {
         for (size_t e = from; e < to; ++e) {
           const Sample* s = &samples[(e - from) * K];
           double sum = 0, weight = 0;
+          bool below = false;
           std::fill(seen.begin(), seen.end(), 0.0);
           std::fill(all.begin(), all.end(), 0.0);
           for (size_t i = 0; i < K; ++i) {
             const double w = s[i].weight;
             weight += w;
+            below |= s[i].below;
             sum += s[i].seen ? w : 0.0;
             for (size_t j = 0; w > 0 && j < J; ++j) {
               const double l = w * double(s_.bands.profile(int(j), s[i].u, s[i].v));
@@ -127,7 +130,7 @@ Result<TermPtr> LightSamplesNode::run(const RunContext& ctx) const {
             point[4 * K * e + 2 * K + i] = s[i].weight;
             point[4 * K * e + 3 * K + i] = s[i].seen ? s[i].weight : 0.0f;
           }
-          const double value = weight > 0 ? std::clamp(sum / weight, 0.0, 1.0) : 1.0;
+          const double value = weight > 0 ? std::clamp(sum / weight, 0.0, 1.0) : below ? 0.0 : 1.0;
           V[e] = float(value);
           for (size_t j = 0; j < J; ++j) band[J * e + j] = float(weight > 0 ? seen[j] / weight + (double(mean[j]) - all[j] / weight) * value : double(mean[j]));
         }

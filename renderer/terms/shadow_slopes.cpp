@@ -80,9 +80,12 @@ class ShadowSlopesNode final : public Node {
             for (uint32_t i = 0; i < s_.pilot; ++i) {
               LightPoint point;
               if (!light.sample(p, N, Ng, points(e, i).next2D(), point)) continue;
+              if (point.belowSurface) {
+                if (s_.keepBlocked && i < 32) out.blocked[e] |= 1u << i;
+                continue;
+              }
               w += point.weight;
-              if (!point.belowSurface) pilot.add(e, i, p, shadowRay(*accel, p, Ng, point), point);
-              else if (s_.keepBlocked && i < 32) out.blocked[e] |= 1u << i;
+              pilot.add(e, i, p, shadowRay(*accel, p, Ng, point), point);
             }
             out.sumW[e] = float(w);
           }
@@ -227,6 +230,7 @@ class ShadowAdaptiveNode final : public Node {
           uint64_t rays = 0;
           std::vector<DVec3> seen(to - from, DVec3(0.0));
           std::vector<double> sum(to - from, 0.0);
+          std::vector<float> nothing(to - from, 1.0f);
           Ray ray[16];
           size_t element[16] = {};
           float weight[16] = {};
@@ -248,21 +252,30 @@ class ShadowAdaptiveNode final : public Node {
             const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
             for (size_t c = 0; c < C; ++c) seen[e - from][int(c)] = sumV[C * e + c];
             double w = sumW[e];
+            bool below = false;
             for (uint32_t i = s_.pilot; i < n[e]; ++i) {
               LightPoint point;
               if (!light.sample(p, N, Ng, points(e, i).next2D(), point)) continue;
+              if (point.belowSurface) {
+                below = true;
+                continue;
+              }
               w += point.weight;
-              if (point.belowSurface) continue;
               ray[count] = shadowRay(*accel, p, Ng, point);
               element[count] = e - from;
               weight[count++] = point.weight;
               if (count == 16) flush();
             }
+            for (uint32_t i = 0; !(w > 0) && !below && i < s_.pilot; ++i) {  // which of the pilot's kinds of nothing it was
+              LightPoint point;
+              below = light.sample(p, N, Ng, points(e, i).next2D(), point) && point.belowSurface;
+            }
             sum[e - from] = w;
+            nothing[e - from] = below ? 0.0f : 1.0f;
           }
           flush();
           for (size_t e = from; e < to; ++e)
-            for (size_t c = 0; c < C; ++c) V[C * e + c] = sum[e - from] > 0 ? clamp01(float(seen[e - from][int(c)] / sum[e - from])) : 1.0f;
+            for (size_t c = 0; c < C; ++c) V[C * e + c] = sum[e - from] > 0 ? clamp01(float(seen[e - from][int(c)] / sum[e - from])) : nothing[e - from];
           if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
         },
         ctx.stop);

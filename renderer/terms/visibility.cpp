@@ -20,7 +20,7 @@ class VisibilityNode final : public Node {
  public:
   explicit VisibilityNode(const VisibilitySettings& s) : s_(s) { GOBO_CHECK_GT(s.samples, 0u); }
   std::string type() const override { return "visibility"; }
-  int version() const override { return 3; }  // 2: in packets; 3: rays begin nearer to the surface, further points
+  int version() const override { return 3; }  // 2: in packets; 3: rays begin nearer to the surface, further points, of what is above both normals
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::LightShape;
@@ -59,6 +59,7 @@ class VisibilityNode final : public Node {
         surface.size(), grain,
         [&](size_t from, size_t to) {
           std::vector<double> seen((to - from) * C, 0.0), sum(to - from, 0.0);
+          std::vector<char> below(to - from, 0);
           Packet packet(*accel, surfaces, s_.glass, seen);
           for (size_t e = from; e < to; ++e) {
             if (!surface.hit(e)) continue;
@@ -70,14 +71,19 @@ class VisibilityNode final : public Node {
               LightPoint point;
               const Vec2 u = light.pointLike() || s_.hard ? Vec2(0.5f) : SobolSampler(seed, i).next2D();
               if (!light.sample(p, N, Ng, u, point)) continue;
-              if (point.belowSurface && s_.glass == Glass::Alone) continue;
+              if (point.belowSurface) {
+                below[e - from] = 1;
+                continue;
+              }
               sum[e - from] += point.weight;
-              if (!point.belowSurface) packet.add(shadowRay(*accel, p, Ng, point), e - from, point.weight);
+              packet.add(shadowRay(*accel, p, Ng, point), e - from, point.weight);
             }
           }
           packet.flush();
-          for (size_t e = from; e < to; ++e)
-            for (size_t c = 0; c < C; ++c) V[C * e + c] = sum[e - from] > 0 ? float(seen[C * (e - from) + c] / sum[e - from]) : 1.0f;
+          for (size_t e = from; e < to; ++e) {
+            const float nothing = below[e - from] && s_.glass != Glass::Alone ? 0.0f : 1.0f;
+            for (size_t c = 0; c < C; ++c) V[C * e + c] = sum[e - from] > 0 ? float(seen[C * (e - from) + c] / sum[e - from]) : nothing;
+          }
           if (ctx.counters) ctx.counters->rays.fetch_add(packet.rays, std::memory_order_relaxed);
         },
         ctx.stop);

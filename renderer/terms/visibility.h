@@ -4,7 +4,7 @@
 // arrives (cosine at the receiver, foreshortening of the light), so that V times unoccluded irradiance is the direct irradiance.
 // V = 1 for background and wherever the light cannot shine anyway (surface turned away, behind the light, outside a spot's cone or
 // range, inside a sphere light): the unoccluded light is zero there, and filters see no false edge. A shading normal
-// that faces the light on a surface that does not gives V = 0.
+// that faces the light on a surface that does not gives V = 0; of a light that the surface's own horizon cuts, the share is of what is above both.
 // One ray on Point, Spot and Directional lights without angular size (hard shadows; isDeltaLight()); `samples` Owen-scrambled Sobol points per view sample on
 // area lights, each view sample with a scramble of its own. A mesh light counts by area; its emission texture is not read. Cost: one occlusion query per
 // sample. Light that comes through a surface from behind is no part of V. Scenes with surfaces that light passes straight on (trace/straight.h: clear panes,

@@ -65,8 +65,8 @@ inline uint32_t visibilityOfPoints(const SolidScene& scene, const LightPoints& l
     LightPoint point;
     const Vec2 u = light.pointLike() ? Vec2(0.5f) : SobolSampler(seed, i).next2D();
     if (!light.sample(p, N, Ng, u, point)) continue;
-    weight[i] = point.weight;
     if (point.belowSurface) continue;
+    weight[i] = point.weight;
     packet[waiting] = shadowRay(scene.accel(), p, Ng, point);
     at[waiting++] = i;
     if (waiting == 16) flush();

@@ -23,7 +23,9 @@ class DirectVisibility final : public Technique {
     for (int l = 0; l < int(c.scene()->lights.size()); ++l) {
       const v1::ShadowTechnique t = techniqueOf(c, l);
       if (t.has_auto_() && c.view().camera.hasLens()) continue;  // path tracing is all that there is to choose from
-      if (findShadowTechnique(t.technique_case())) GOBO_TRY(c.cover().claim(l, PathSet::Direct, name()));
+      if (!findShadowTechnique(t.technique_case())) continue;
+      GOBO_TRY(c.cover().claim(l, PathSet::Direct, name()));
+      if (changeInCluster(c, l) != Vec3(0.0f)) c.claimAtGains(l, c.kinds().translucent ? PathSet::Front : PathSet::Direct);
     }
     return {};
   }
@@ -48,6 +50,12 @@ class DirectVisibility final : public Technique {
   }
 
  private:
+  /// What a request adds to a light of a cluster, over what the cluster holds of it. Brought by the light's own shadow: paths would take off what a style or
+  /// a map of it has not.
+  static Vec3 changeInCluster(PlanContext& c, int light) {
+    return c.groups().single(c.groups().groupOf[size_t(light)]) ? Vec3(0.0f) : c.effective().gainChanges[size_t(light)];
+  }
+
   /// Of maps that the path tracer was left with, which is planned first.
   static void warnOfMaps(PlanContext& c) {
     for (int l = 0; l < int(c.scene()->lights.size()); ++l) {
@@ -86,6 +94,11 @@ class DirectVisibility final : public Technique {
       } else {
         folds[{group, lobe}].push_back(parts[k]);
         folds[{group, lobe}].push_back(v);
+        const Vec3 change = changeInCluster(c, l);
+        if (change == Vec3(0.0f)) continue;
+        const NodeId own = planUnoccluded(c, l, c.scene(), Vec3(nominalScalar(c.scene()->lights[size_t(l)])), true, lobe);
+        c.add({c.filter(makeShadeNode(c.view().width, c.view().height, c.view().viewSamples), {own, v}, withLobe("difference:" + light, lobe)), "rgb", change,
+               front(lobe), group});
       }
     }
     return {};

@@ -149,14 +149,15 @@ class SceneLightSamplesNode final : public SamplesNode {
     Arrivals::Light towards(size_t i, const LitPoint& p, const Vec3* lobe, uint64_t seed) const {
       Arrivals::Light out{{lobe[0], lobe[1]}, {}};
       const bool pointLike = points_[i].pointLike();
-      // The one point stands for all of the light that arrives: one that cannot shine here, on the far side of a lamp, says nothing of it.
+      // The one point stands for all of the light that arrives: one that cannot shine here, beyond a horizon or on the far side of a lamp, says nothing of it.
+      bool below = false;
       for (uint32_t k = 0; k <= (pointLike ? 0 : kFurtherPoints); ++k) {
         const Vec2 u = pointLike ? Vec2(0.5f) : SobolSampler(seed, uint32_t(i + k * points_.size())).next2D();
         if (!points_[i].sample(p.p, p.n, p.ng, u, out.point)) continue;
-        if (out.point.belowSurface) out.way = Arrivals::Way::Closed;
-        return out;
+        if (!out.point.belowSurface) return out;
+        below = true;
       }
-      out.way = Arrivals::Way::Open;
+      out.way = below ? Arrivals::Way::Closed : Arrivals::Way::Open;
       return out;
     }
 

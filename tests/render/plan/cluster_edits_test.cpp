@@ -131,6 +131,38 @@ TEST(ClusterEdits, AreThePictureOfTheEditedFile) {
   }
 }
 
+// Whatever makes them: what is taken off a cluster is what the light's own technique put into it. Paths have no style, and no map's errors.
+TEST(ClusterEdits, HaveTheShadowsOfTheirTechnique) {
+  const ScenePtr scene = room();
+  const auto engine = makeEngine();
+  for (const std::string technique : {"ray_traced", "style.brightness=1", "style.inflation=0.3", "percentage_closer", "exponential"}) {
+    SCOPED_TRACE(technique);
+    v1::RenderRequest r = request();
+    set(r, "integrator.at_view_samples=false");
+    v1::ShadowTechnique& shadows = *r.mutable_shadows();
+    if (technique.find('=') != std::string::npos) set(r, "shadows." + technique);
+    else shadows.GetReflection()->MutableMessage(&shadows, v1::ShadowTechnique::descriptor()->FindFieldByName(technique));
+    const auto edited = editScene(*scene, [&](Scene& e) -> Status {
+      e.lights[16].power = Vec3(0.0f);
+      e.lights[17].power = Vec3(0.0f, 1.2f, 0.0f);
+      e.lights[18].power = Vec3(1.2f, 5.4f, 2.4f);
+      return {};
+    });
+    ASSERT_TRUE(edited.ok());
+    const Image plain = renderOf(*engine, scene, r).images[0].image(), truth = renderOf(*makeEngine(), *edited, r).images[0].image();
+    for (const char* edit : {"lights.p16.enabled=false", "lights.p17.gain=3,2,1", "lights.p18.color=0.2,0.9,0.4", "lights.p18.intensity=6"}) set(r, edit);
+    const Image relit = renderOf(*engine, scene, r).images[0].image();
+    EXPECT_LT(maxComponent(worst(relit, truth)), 2e-5f);
+    EXPECT_GT(maxComponent(worst(plain, truth)), 1e-3f) << "invisible, the test says nothing";
+    // All of them off: no ghosts, and no light below zero.
+    for (int i = 0; i < kLights; ++i) set(r, "lights.p" + std::to_string(i) + ".enabled=false");
+    r.mutable_lights()->operator[]("p17").clear_gain();
+    const float most = *std::max_element(plain.data.begin(), plain.data.end());
+    const Image night = renderOf(*engine, scene, r).images[0].image();
+    for (const float v : night.data) ASSERT_LT(std::fabs(v), 2e-5f * most);
+  }
+}
+
 TEST(ClusterEdits, AnotherColourOfAnEditedLightTracesNothing) {
   const ScenePtr scene = room();
   const auto engine = makeEngine();
