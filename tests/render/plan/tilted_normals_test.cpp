@@ -53,7 +53,7 @@ TEST(TiltedNormals, UnderACutLampLightIsNotTakenOffTwice) {
     const double truth = mean(*engine, scene, "", 1024);
     ASSERT_GT(truth, 0.01);
     for (const std::string technique : {"shadows.ray_traced.samples=64", "shadows.ray_traced.samples=1", "shadows.axis_aligned.k=3",
- "shadows.subtractive.resolution=1", "shadows.auto.error=0.02"})
+                                        "shadows.subtractive.resolution=1", "shadows.auto.error=0.02"})
       EXPECT_NEAR(mean(*engine, scene, technique, 4) / truth, 1, 0.01) << degrees << " degrees, " << technique;
   }
 }
