@@ -45,9 +45,9 @@ class LightPoints {
 
 /// Shadow rays end at this share of the way: mesh lights are in the acceleration structure, and lamps sit on ceilings.
 inline constexpr float kShadowRayEnd = 1.0f - 1.0e-4f;
-/// Points that are drawn beyond those asked for where none of these can shine on a receiver: a lamp that arrives in part must not count as seen for want of
-/// one.
-inline constexpr uint32_t kFurtherPoints = 16;
+/// Points of a light of some size that are looked at before it counts as one that cannot shine on a receiver: a lamp that arrives in part must not count as
+/// seen because the one point drawn could not.
+inline constexpr uint32_t kLeastLooked = 16;
 /// Ray from a surface towards a light point, ended just before it; the origin leaves the surface on the side of Ng.
 Ray shadowRay(const Accel& accel, const Vec3& p, const Vec3& Ng, const LightPoint& point);
 

@@ -66,7 +66,7 @@ class VisibilityNode final : public Node {
             const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
             const uint64_t seed = viewSampleSeed(s_.seed, film(e));
             // Points that cannot shine here say nothing: where none of the few can, others are drawn, or a surface in the dark would count as lit.
-            const uint32_t most = light.pointLike() || s_.hard ? samples : samples + kFurtherPoints;
+            const uint32_t most = light.pointLike() || s_.hard ? samples : std::max(samples, kLeastLooked);
             for (uint32_t i = 0; i < samples || (i < most && !(sum[e - from] > 0)); ++i) {
               LightPoint point;
               const Vec2 u = light.pointLike() || s_.hard ? Vec2(0.5f) : SobolSampler(seed, i).next2D();

@@ -178,9 +178,8 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
   impl.unit = coordinateUnit(most);
   impl.reach = Vec3(0.0f);
   for (const Vec3& r : reach) impl.reach = glm::max(impl.reach, r);
-  // A plane through the origin has no coordinates across it, and nothing at all may be asked for a step.
-  const float least = std::fmax(impl.reach.x, std::fmax(impl.reach.y, impl.reach.z));
-  if (!(least > 0.0f) || !std::isfinite(least)) impl.reach = Vec3(1.0f);
+  const float widest = std::fmax(impl.reach.x, std::fmax(impl.reach.y, impl.reach.z));
+  if (!(widest > 0.0f) || !std::isfinite(widest)) impl.reach = Vec3(1.0f);  // nothing there, or nothing that could be asked for a step
 
   impl.meshScenes.assign(meshes.size(), nullptr);
   bool complete = true;

@@ -4,6 +4,7 @@
 // so that the same ray always gets the same answer.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <future>

@@ -2,7 +2,6 @@
 """gobo.aio: the same answers as the plain client, side by side in one loop, and what a cancelled task ends on the server."""
 import asyncio
 import inspect
-import tempfile
 import threading
 import time
 import unittest
@@ -10,19 +9,12 @@ import unittest
 import numpy as np
 
 import gobo
-from support import SMALL, DaemonTest, Liar, events
+from support import SMALL, JobsTest, Liar, events
 
 FOREVER = dict(width=320, height=240, spp=1 << 20)
 
 
-class Server(DaemonTest):
-    @classmethod
-    def setUpClass(cls):
-        folder = tempfile.TemporaryDirectory(prefix="gobo-jobs-")
-        cls.addClassCleanup(folder.cleanup)
-        cls.options = {"jobs": folder.name}
-        super().setUpClass()
-
+class Server(JobsTest):
     def run_(self, work):
         async def main():
             async with gobo.aio.connect(self.client.address, timeout=120) as client:

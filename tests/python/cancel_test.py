@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calls that another thread ends: renders, snapshots, relights, watches of jobs, waits between tries; and what ends on the server with them."""
 import random
-import tempfile
 import threading
 import time
 import unittest
@@ -10,7 +9,7 @@ import grpc
 
 import gobo
 from gobo.v1 import jobs_pb2, render_pb2
-from support import DaemonTest, Liar, events
+from support import JobsTest, Liar, events
 
 FOREVER = dict(width=320, height=240, spp=1 << 20)
 
@@ -35,14 +34,7 @@ class Ended(threading.Thread):
         return self.error
 
 
-class Server(DaemonTest):
-    @classmethod
-    def setUpClass(cls):
-        folder = tempfile.TemporaryDirectory(prefix="gobo-jobs-")
-        cls.addClassCleanup(folder.cleanup)
-        cls.options = {"jobs": folder.name}
-        super().setUpClass()
-
+class Server(JobsTest):
     def until(self, what):
         end = time.monotonic() + 30
         while not what():

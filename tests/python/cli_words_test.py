@@ -4,22 +4,14 @@ import os
 import resource
 import signal
 import subprocess
-import tempfile
 import unittest
 
-from support import CLI, DaemonTest
+from support import CLI, JobsTest
 
 GOBOD = os.environ["GOBO_GOBOD"]
 
 
-class Words(DaemonTest):
-    @classmethod
-    def setUpClass(cls):
-        jobs = tempfile.TemporaryDirectory(prefix="gobo-test-words-")
-        cls.addClassCleanup(jobs.cleanup)
-        cls.options = {"jobs": jobs.name}
-        super().setUpClass()
-
+class Words(JobsTest):
     def test_numbers_are_finite_and_within_their_range(self):
         numbers = (("--time", ("render", "cornell", "-o", "x.exr"), True), ("--error", ("render", "cornell", "-o", "x.exr"), True),
                    ("--deadline", ("render", "cornell", "-o", "x.exr"), True), ("--fps", ("jobs", "submit", "cornell", "--frames", "1-2"), True),

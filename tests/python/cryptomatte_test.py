@@ -2,7 +2,6 @@
 """Cryptomatte files as other programs read them: by OpenImageIO where it is installed and by numpy, with a hash of their own here; whole, in tiles, of a job."""
 import json
 import os
-import tempfile
 import unittest
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 import gobo
 from gobo import exr, image
 from drake_form import read_png
-from support import DaemonTest
+from support import JobsTest
 
 
 def murmur3(data):
@@ -50,14 +49,7 @@ def matte(planes, layer, name):
     return out
 
 
-class Cryptomatte(DaemonTest):
-    @classmethod
-    def setUpClass(cls):
-        folder = tempfile.TemporaryDirectory(prefix="gobo-matte-jobs-")
-        cls.addClassCleanup(folder.cleanup)
-        cls.options = {"jobs": folder.name}
-        super().setUpClass()
-
+class Cryptomatte(JobsTest):
     what = ("render", "spheres", "--size", "80x60", "--spp", "64", "-q")
 
     def test_the_hash_here_is_right(self):

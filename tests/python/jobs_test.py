@@ -2,7 +2,6 @@
 """Jobs through a real gobod: the bits of a direct render, pause and resume, cancel, failure, a daemon that is killed."""
 import hashlib
 import os
-import shutil
 import signal
 import tempfile
 import threading
@@ -14,17 +13,10 @@ import numpy as np
 
 import gobo
 from gobo.v1 import jobs_pb2, render_pb2, service_pb2_grpc
-from support import SMALL, DaemonTest, Liar
+from support import SMALL, JobsTest, Liar
 
 
-class Jobs(DaemonTest):
-    @classmethod
-    def setUpClass(cls):
-        jobs = tempfile.mkdtemp(prefix="gobo-test-jobs-")
-        cls.addClassCleanup(shutil.rmtree, jobs, ignore_errors=True)
-        cls.options = {"jobs": jobs}
-        super().setUpClass()
-
+class Jobs(JobsTest):
     def test_frames_are_the_bits_of_a_render(self):
         job = self.client.jobs.submit("cornell", frames=(3, 4), name="bits", **SMALL, outputs=["beauty", "depth"])
         last = job.wait(timeout=100)

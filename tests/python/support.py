@@ -43,6 +43,17 @@ class DaemonTest(unittest.TestCase):
         return done
 
 
+class JobsTest(DaemonTest):
+    """Its daemon has jobs."""
+
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="gobo-test-jobs-", ignore_cleanup_errors=True)
+        cls.addClassCleanup(folder.cleanup)
+        cls.options = {**cls.options, "jobs": folder.name}
+        super().setUpClass()
+
+
 def eventually(condition, seconds=20):
     """What the condition gives once it is true, or at the end."""
     end = time.monotonic() + seconds
