@@ -3,6 +3,7 @@
 
 #include "base/image_io.h"
 #include "server/config.h"
+#include "server/tls.h"
 
 namespace gobo {
 inline namespace server {
@@ -38,6 +39,11 @@ Result<Dialled> dial(const DialOptions& o) {
     GOBO_ASSIGN(ssl.pem_root_certs, textOf(o.ca, o.prefix + "ca"));
     GOBO_ASSIGN(ssl.pem_cert_chain, textOf(o.cert, o.prefix + "cert"));
     GOBO_ASSIGN(ssl.pem_private_key, textOf(o.key, o.prefix + "key"));
+    // gRPC takes any text, and then says of the server that it cannot be reached.
+    if (!o.ca.empty() && !holdsCertificate(ssl.pem_root_certs)) return invalidArgument(o.prefix + "ca " + o.ca + ": holds no PEM certificate");
+    if (!o.cert.empty() && !holdsCertificate(ssl.pem_cert_chain)) return invalidArgument(o.prefix + "cert " + o.cert + ": holds no PEM certificate");
+    if (!o.key.empty() && !holdsPrivateKey(ssl.pem_private_key))
+      return invalidArgument(o.prefix + "key " + o.key + ": holds no PEM private key without a passphrase");
     credentials = grpc::SslCredentials(ssl);
   }
   grpc::ChannelArguments arguments;

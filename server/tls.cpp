@@ -54,6 +54,15 @@ std::string dateText(int64_t when) {
 
 }  // namespace
 
+bool holdsCertificate(const std::string& pem) {
+  const Bio bio = open(pem);
+  return Cert(PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr)) != nullptr;
+}
+bool holdsPrivateKey(const std::string& pem) {
+  const Bio bio = open(pem);
+  return Key(PEM_read_bio_PrivateKey(bio.get(), nullptr, noPassphrase, nullptr)) != nullptr;
+}
+
 Result<TlsFiles> readTls(const TlsConfig& config) {
   TlsFiles files;
   GOBO_ASSIGN(files.cert, readPem("cert", config.cert));
@@ -74,9 +83,7 @@ Result<TlsFiles> readTls(const TlsConfig& config) {
   files.subject = subject;
   if (!config.clientCa.empty()) {
     GOBO_ASSIGN(files.clientCa, readPem("client_ca", config.clientCa));
-    const Bio caBio = open(files.clientCa);
-    const Cert ca(PEM_read_bio_X509(caBio.get(), nullptr, nullptr, nullptr));
-    if (!ca) return bad("client_ca", config.clientCa, "holds no PEM certificate");
+    if (!holdsCertificate(files.clientCa)) return bad("client_ca", config.clientCa, "holds no PEM certificate");
   }
   return files;
 }

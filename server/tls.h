@@ -24,6 +24,11 @@ struct TlsFiles {
 /// Errors: InvalidArgument "tls.KEY = \"PATH\": ..." for what cannot be read, is no PEM, does not belong together or is expired.
 Result<TlsFiles> readTls(const TlsConfig& config);
 
+/// Whether a text holds a certificate in PEM.
+bool holdsCertificate(const std::string& pem);
+/// A private key in PEM that needs no passphrase.
+bool holdsPrivateKey(const std::string& pem);
+
 class TlsSource : public std::enable_shared_from_this<TlsSource> {
  public:
   TlsSource(TlsFiles files, bool requireClientCert);

@@ -159,7 +159,7 @@ class Modes {
       LightPoint q;
       if (!surface.hit(p) || !points.sample(surface.position(p), surface.normal(p), surface.geometricNormal(p), Vec2(0.5f), q)) continue;
       centre_[p] = q.weight;
-      hard_[p] = !q.belowSurface && !accel->occluded(shadowRay(*accel, surface.position(p), surface.geometricNormal(p), q));
+      hard_[p] = !q.belowSurface && !accel->occluded(shadowRay(surface.reach(p, *accel), surface.position(p), surface.geometricNormal(p), q));
     }
     return centre_;
   }

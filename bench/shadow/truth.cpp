@@ -28,7 +28,7 @@ void addSamples(Runner& r, const Term& gbuffer, const LightPoints& points, const
   r.arena().parallelFor(surface.size(), 256, [&](size_t from, size_t to) {
     for (size_t e = from; e < to; ++e) {
       if (!surface.hit(e)) continue;
-      const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
+      const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e), reach = surface.reach(e, accel);
       const uint64_t sequence = hash64(seed, e);
       for (uint32_t i = first; i < first + rays; ++i) {
         s.all[e] += 1;
@@ -36,7 +36,7 @@ void addSamples(Runner& r, const Term& gbuffer, const LightPoints& points, const
         if (!points.sample(p, N, Ng, points.pointLike() ? Vec2(0.5f) : SobolSampler(sequence, i).next2D(), q) || q.belowSurface) continue;
         s.weight[e] += q.weight;
         s.count[e] += 1;
-        if (accel.occluded(shadowRay(accel, p, Ng, q))) continue;
+        if (accel.occluded(shadowRay(reach, p, Ng, q))) continue;
         s.seen[e] += q.weight;
         s.lit[e] += 1;
       }

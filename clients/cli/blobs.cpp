@@ -132,6 +132,22 @@ Status putOne(Session& session, const LocalBlob& blob, uint64_t offset) {
   return session.statusOf(writer->Finish());
 }
 
+/// Sends what is missing, up to the first that fails. `puts`: of each digest, those that were answered with Ok.
+Status putMissing(Session& session, const v1::MissingBlobsReply& reply, const std::map<std::string, LocalBlob>& byDigest, std::map<std::string, int>& puts) {
+  for (const auto& m : reply.missing()) {
+    const auto known = byDigest.find(m.blob().sha256());
+    if (known == byDigest.end()) return Status(Code::DataLoss, "the server misses \"" + m.blob().sha256() + "\", which it was not asked for");
+    const LocalBlob& blob = known->second;
+    if (puts[blob.sha256] >= kMostPuts)
+      return Status(Code::ResourceExhausted, "the server does not keep \"" + blob.path + "\" beside the scene's other files (blobs.bytes)");
+    const Status status = putOne(session, blob, m.received());
+    // What was there does not fit and is dropped: it is asked for again.
+    if (!status.ok() && !(status.code() == Code::InvalidArgument && m.received() > 0)) return status;
+    ++puts[blob.sha256];
+  }
+  return {};
+}
+
 }  // namespace
 
 Result<std::map<std::string, LocalBlob>> filesOf(const std::string& scene) {
@@ -155,28 +171,21 @@ Result<std::map<std::string, LocalBlob>> filesOf(const std::string& scene) {
 Status putBlobs(Session& session, const std::map<std::string, LocalBlob>& blobs) {
   std::map<std::string, LocalBlob> byDigest;
   for (const auto& [name, blob] : blobs) byDigest[blob.sha256] = blob;
-  std::map<std::string, int> puts;  // that were answered with Ok
+  std::vector<LocalBlob> wanted;
+  for (const auto& [digest, blob] : byDigest) wanted.push_back(blob);
+  std::map<std::string, int> puts;
   int broken = 0, busy = 0;
   bool said = false;
   for (;;) {
-    std::vector<LocalBlob> wanted;
-    for (const auto& [digest, blob] : byDigest) wanted.push_back(blob);
-    GOBO_ASSIGN(const v1::MissingBlobsReply reply, missingOf(session, wanted));
-    if (reply.missing().empty()) return {};
-    uint64_t left = 0;
-    for (const auto& m : reply.missing()) left += m.blob().bytes() - m.received();
-    if (!said) std::fprintf(stderr, "gobo: sending %d of %zu files (%.1f MiB)\n", reply.missing_size(), wanted.size(), double(left) / (1 << 20));
-    said = true;
-    Status status;
-    for (const auto& m : reply.missing()) {
-      const LocalBlob& blob = byDigest[m.blob().sha256()];
-      if (puts[blob.sha256] >= kMostPuts)
-        return Status(Code::ResourceExhausted, "the server does not keep \"" + blob.path + "\" beside the scene's other files (blobs.bytes)");
-      status = putOne(session, blob, m.received());
-      // What was there does not fit and is dropped: it is asked for again.
-      if (status.code() == Code::InvalidArgument && m.received() > 0) status = {};
-      if (!status.ok()) break;
-      ++puts[blob.sha256];
+    const auto reply = missingOf(session, wanted);
+    if (reply.ok() && reply->missing().empty()) return {};
+    Status status = reply.status();
+    if (status.ok()) {
+      uint64_t left = 0;
+      for (const auto& m : reply->missing()) left += m.blob().bytes() - m.received();
+      if (!said) std::fprintf(stderr, "gobo: sending %d of %zu files (%.1f MiB)\n", reply->missing_size(), wanted.size(), double(left) / (1 << 20));
+      said = true;
+      status = putMissing(session, *reply, byDigest, puts);
     }
     if (status.code() == Code::ResourceExhausted && exitCodeOf(status) == kBusy && ++busy < kBusyTries) {
       std::this_thread::sleep_for(std::chrono::milliseconds(250));

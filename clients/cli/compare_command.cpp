@@ -12,6 +12,10 @@ namespace gobo::cli {
 
 int runCompare(const CompareCommand& c) {
   if (const Status folder = checkFolder("--diff", c.diff); !folder.ok()) return complain(folder);
+  if (!c.diff.empty()) {
+    const auto format = formatOf(c.diff);
+    if (!format.ok() || *format != v1::Encoding::PNG) return complain(invalidArgument("--diff " + c.diff + ": must end in .png"));
+  }
   auto a = readPicture(c.a);
   if (!a.ok()) return complain(a.status());
   auto b = readPicture(c.b);

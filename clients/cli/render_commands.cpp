@@ -56,6 +56,9 @@ Status addCurve(v1::RenderRequest& request, const std::string& text) {
   return {};
 }
 
+/// What is wrong with a --set, with its path and value.
+Status ofSet(const std::string& set, const Status& s) { return s.ok() ? s : Status(s.code(), "--set " + set + ": " + s.message(), s.location()); }
+
 /// A file's text, or what standard input has for "-".
 Result<std::string> requestText(const std::string& file) {
   constexpr size_t kMost = 16 << 20;
@@ -111,7 +114,7 @@ Result<v1::RenderRequest> describedBy(const RequestOptions& o) {
     GOBO_ASSIGN(const std::vector<uint8_t> sheet, readFile(o.style, size_t(1) << 20));
     GOBO_TRY(applyStyleSheet(request, std::string(sheet.begin(), sheet.end()), o.style));
   }
-  for (const std::string& set : o.sets) GOBO_TRY(setPath(request, set));
+  for (const std::string& set : o.sets) GOBO_TRY(ofSet(set, setPath(request, set)));
   for (const std::string& curve : o.curves) GOBO_TRY(addCurve(request, curve));
   for (const std::string& formula : o.formulas) {
     const size_t equals = formula.find('=');
@@ -323,7 +326,7 @@ Status relight(Session& session, const RelightCommand& c) {
   if (show.any() && !c.progressive && !patch.scheduling().has_ladder()) patch.mutable_scheduling()->set_ladder(false);
   std::set<std::string> mask = maskOf(patch, whole);
   for (const std::string& set : elements) {
-    GOBO_TRY(setPatchPath(patch, set));
+    GOBO_TRY(ofSet(set, setPatchPath(patch, set)));
     const std::string path = set.substr(0, set.find('='));
     if (!mask.count(path.substr(0, path.find('[')))) mask.insert(path);  // of a list that is given, all of it is
   }

@@ -3,6 +3,7 @@
 
 #include "blobs.h"
 #include "import/load.h"
+#include "regress/child.h"
 
 #include <signal.h>
 #include <sys/stat.h>
@@ -112,7 +113,10 @@ void watchInterrupts() {
       if (sigwait(&signals, &which) != 0) continue;
       const std::lock_guard lock(callsMutex);
       // Nothing to cancel, or asked twice: leave. Output files are written by rename, so nothing half-written stays under its name.
-      if (interruptSeen || (calls.empty() && unfinished == 0)) ::_exit(kStopped);
+      if (interruptSeen || (calls.empty() && unfinished == 0)) {
+        endChildren();
+        ::_exit(kStopped);
+      }
       interruptSeen = true;
       for (grpc::ClientContext* context : calls) context->TryCancel();
     }

@@ -78,7 +78,8 @@ class Session {
   std::unique_ptr<v1::Farm::Stub> farm_;
 };
 
-/// Starts the thread that turns SIGINT and SIGTERM into cancellation; call first in main. A second signal leaves at once.
+/// Starts the thread that turns SIGINT and SIGTERM into cancellation; call first in main. A second signal leaves at once, and ends the
+/// children (regress/child.h).
 void watchInterrupts();
 bool interrupted();
 /// While one lives the first interrupt does not end the program between two calls: the next call is cancelled, and what is half done cleans up after itself.

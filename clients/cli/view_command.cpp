@@ -42,6 +42,20 @@ Result<std::unique_ptr<Session>> findServer(SessionOptions options) {
   return Session::open(options);
 }
 
+/// That the page will find the scene: it stays open, so that nothing would end where there is none.
+Status checkScene(Session& session, const std::string& id) {
+  v1::InspectSceneRequest request;
+  request.set_scene(id);
+  v1::SceneInfo info;
+  Status known;
+  {
+    Session::Call call(session);
+    known = session.statusOf(session.scenes().Inspect(&call.context, request, &info));
+  }
+  if (known.code() != Code::NotFound) return known;
+  return openScene(session, id, "").ok() ? Status() : known;  // a built-in one that was unloaded comes back, as it does for the page
+}
+
 }  // namespace
 
 int runView(const SessionOptions& options, const ViewCommand& command) {
@@ -53,6 +67,7 @@ int runView(const SessionOptions& options, const ViewCommand& command) {
     auto scene = ensureScene(session, command.scene);
     if (!scene.ok()) return complain(scene.status());
     id = *scene;
+    if (const Status there = checkScene(session, id); !there.ok()) return complain(there);
   }
   // Whoever may read this terminal may look; other users of this machine may not.
   const auto secret = randomHex(16);

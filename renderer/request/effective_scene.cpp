@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 #include <numeric>
 #include <sstream>
 #include <string_view>
@@ -506,6 +507,9 @@ RelightGroups makeGroups(const Scene& scene, int maxGroups, const StopToken& sto
   if (n > maxGroups) {
     std::vector<double> flux(n);
     for (int i = 0; i < n; ++i) flux[i] = estimatedFlux(scene, i, stop);
+    // A map first, however weak: its techniques claim groups of one light, and a gain of it inside a cluster would be path traced over what they brought.
+    for (int i = 0; i < n; ++i)
+      if (scene.lights[size_t(i)].shape.kind == LightKind::Environment) flux[size_t(i)] = std::numeric_limits<double>::infinity();
     std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return flux[a] > flux[b]; });
     std::sort(order.begin(), order.begin() + (maxGroups - 1));
   }

@@ -59,7 +59,7 @@ struct RelightGroups {
   bool single(int group) const { return members[group].size() == 1; }
   float scaleOf(int group) const { return scales.empty() ? 1.0f : scales[size_t(group)]; }
 };
-/// The strongest lights get a group each, the rest share the last. Depends on the effective scene only, not on gains. Of no use after `stop`.
+/// A map and the strongest lights get a group each, the rest share the last. Depends on the effective scene only, not on gains. Of no use after `stop`.
 RelightGroups makeGroups(const Scene& scene, int maxGroups, const StopToken& stop = {});
 /// A scale (EffectiveScene::scales) that some lights of a cluster have becomes the cluster's: nothing has changed for them then, and the others are
 /// traced apart on top of what it leaves of them.

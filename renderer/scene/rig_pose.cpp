@@ -41,7 +41,7 @@ Status applyPose(const Rig& rig, const RigPose* rest, const RigPose& pose, Scene
       solidTransform(world, scene.instances[f.object].toWorld);
       continue;
     }
-    if (!rigidFrame(world, frame)) frame = turnedFrame(pose, f.node);  // scaled to nothing
+    if (!rigidFrame(world, frame, Vec3(pose.facing[f.node]))) frame = turnedFrame(pose, f.node);  // scaled to nothing
     if (f.kind == RigKind::Camera) scene.cameras[f.object].toWorld = frame;
     else if (movable(scene.lights[f.object].shape.kind)) placeLight(f, world, frame, scene.lights[f.object].shape);
   }
@@ -87,7 +87,7 @@ bool solidTransform(const Mat4& m, Mat4& out) {
     normal = n;
   }
   if (area > 0.0f) {
-    out[flat] += Vec4(normal * (1e-6f * longest / area), 0.0f);
+    out[flat] += Vec4(normal * (1e-8f * longest / area), 0.0f);
     if (invertible(out)) return true;
   }
   for (int c = 0; c < 3; ++c) {
@@ -97,9 +97,12 @@ bool solidTransform(const Mat4& m, Mat4& out) {
   return false;
 }
 
-bool rigidFrame(const Mat4& m, Mat4& out) {
+bool rigidFrame(const Mat4& m, Mat4& out, const Vec3& towards) {
   Vec3 z = unitAxis(Vec3(m[2]));
-  if (!isFinite(z)) z = unitAxis(glm::cross(unitAxis(Vec3(m[0])), unitAxis(Vec3(m[1]))));
+  if (!isFinite(z)) {
+    z = unitAxis(glm::cross(unitAxis(Vec3(m[0])), unitAxis(Vec3(m[1]))));
+    if (isFinite(z) && towards != Vec3(0.0f)) z = unitAxis(towards);  // that one may be its mirror image, or sheared
+  }
   Vec3 x = unitAxis(glm::cross(Vec3(m[1]), z));
   if (!isFinite(x)) x = unitAxis(Vec3(m[0]) - glm::dot(Vec3(m[0]), z) * z);
   out = Mat4(Vec4(x, 0), Vec4(glm::cross(z, x), 0), Vec4(z, 0), m[3]);

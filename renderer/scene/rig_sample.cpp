@@ -97,6 +97,7 @@ RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& cho
     }
   pose.world.resize(rig.nodes.size());
   pose.turn.resize(rig.nodes.size());
+  pose.facing.resize(rig.nodes.size());
   for (size_t i = 0; i < local.size(); ++i) {
     const RigNode& n = rig.nodes[i];
     glm::dmat4 m = n.matrix;
@@ -111,6 +112,9 @@ RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& cho
     if (n.parent < 0) m[3] -= glm::dvec4(rig.origin, 0.0);
     pose.world[i] = n.parent < 0 ? m : pose.world[n.parent] * m;
     pose.turn[i] = n.parent < 0 ? turn : pose.turn[n.parent] * turn;
+    // A parent that mirrors turns it round, and what rotations alone say does not.
+    const glm::dvec3 z = turn * glm::dvec3(0, 0, 1), there = n.parent < 0 ? z : glm::dmat3(pose.world[n.parent]) * z;
+    pose.facing[i] = glm::dot(there, there) > 0.0 ? there : pose.turn[i] * glm::dvec3(0, 0, 1);
   }
   return pose;
 }

@@ -18,6 +18,7 @@ void sampleAt(const RigSampler& sampler, double time, size_t width, bool rotatio
 struct RigPose {
   std::vector<glm::dmat4> world;             ///< a node
   std::vector<glm::dquat> turn;              ///< a node: the rotations down to it alone, which a scale of 0 leaves
+  std::vector<glm::dvec3> facing;            ///< a node: its z axis, of some length even where its own scale leaves none
   std::vector<std::vector<double>> weights;  ///< an entry of Rig::deformed
 };
 /// Nodes with the animations of `chosen` applied in order; none: the rest pose.
@@ -27,9 +28,9 @@ RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& cho
 /// every few thousand vertices, fired first.
 MeshPtr deformMesh(const Rig& rig, size_t deformed, const RigPose& pose, const Mesh& like, const StopToken& stop = {});
 
-/// Unit axes of a transform, its scale dropped, right-handed; an axis of no length follows from the two others. False when the axes span less
-/// than a plane.
-bool rigidFrame(const Mat4& m, Mat4& out);
+/// Unit axes of a transform, its scale dropped, right-handed; a z axis of no length is `towards`, any other that has none follows from
+/// the two others. False when the axes span less than a plane.
+bool rigidFrame(const Mat4& m, Mat4& out, const Vec3& towards = Vec3(0.0f));
 /// Where rigidFrame has none: the node's place, turned as its and its parents' rotations say.
 Mat4 turnedFrame(const RigPose& pose, int node);
 /// A transform that tracers can invert: one that flattens becomes thin. False where it makes a line or a point, which `out` hides as a speck.

@@ -69,7 +69,8 @@ class HiddenSurfaceNode final : public Node {
                 }
                 Vec2 onLens(0.0f);
                 if (s_.camera.hasLens()) onLens = viewSampleLens(layer, s_.viewSamples, uint64_t(y) * uint64_t(s_.filmWidth()) + uint64_t(x));
-                packet.add(e, film.at(float(x) + offset.x, float(y) + offset.y, onLens), seen.at(seen.P, e), seen.at(seen.Ng, e), seen.depth[e]);
+                packet.add(e, film.at(float(x) + offset.x, float(y) + offset.y, onLens), seen.at(seen.P, e), seen.at(seen.Ng, e), seen.depth[e],
+                           seen.instance[e]);
               }
               packet.flush();
             }
@@ -121,10 +122,10 @@ class HiddenSurfaceNode final : public Node {
   /// Rays of neighbours go on together, 16 at a time, until each has met a surface that faces it, or nothing.
   struct Packet {
     Packet(const Accel& a, const Planes& p, const FilmRays& f) : accel(a), planes(p), film(f) {}
-    /// Behind a surface at `p` with normal `n` towards the viewer, `depth` along the view's ray.
-    void add(size_t e, const Ray& view, const Vec3& p, const Vec3& n, float depth) {
+    /// Behind a surface of `instance` at `p` with normal `n` towards the viewer, `depth` along the view's ray.
+    void add(size_t e, const Ray& view, const Vec3& p, const Vec3& n, float depth, uint32_t instance) {
       element[count] = e;
-      beyond(count++, view, p, n, depth);
+      beyond(count++, view, p, n, depth, instance);
       if (count == 16) flush();
     }
     void flush() {
@@ -151,15 +152,15 @@ class HiddenSurfaceNode final : public Node {
           }
           const Ray along = view[i];
           element[left] = e;
-          beyond(left++, along, p, -hit[i].Ng, t);
+          beyond(left++, along, p, -hit[i].Ng, t, hit[i].instance);
         }
         count = left;
       }
     }
-    void beyond(int i, const Ray& along, const Vec3& p, const Vec3& n, float depth) {
+    void beyond(int i, const Ray& along, const Vec3& p, const Vec3& n, float depth, uint32_t instance) {
       view[i] = along;
       ray[i] = along;
-      ray[i].origin = offsetOrigin(p, -n, accel.reach());
+      ray[i].origin = offsetOrigin(p, -n, accel.reach(instance));
       ray[i].tmin = 0.0f;
       if (along.tmax < CameraOptics::kNoEnd) ray[i].tmax = std::max(along.tmax - depth, 0.0f);
     }

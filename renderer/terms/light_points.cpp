@@ -145,9 +145,9 @@ bool LightPoints::sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, L
   return out.weight > 0.0f && std::isfinite(out.weight);
 }
 
-Ray shadowRay(const Accel& accel, const Vec3& p, const Vec3& Ng, const LightPoint& point) {
+Ray shadowRay(const Vec3& reach, const Vec3& p, const Vec3& Ng, const LightPoint& point) {
   Ray ray;
-  ray.origin = offsetOrigin(p, Ng, accel.reach());
+  ray.origin = offsetOrigin(p, Ng, reach);
   if (point.distance >= 3.0e38f) {
     ray.direction = point.direction;
     return ray;

@@ -48,8 +48,9 @@ inline constexpr float kShadowRayEnd = 1.0f - 1.0e-4f;
 /// Points of a light of some size that are looked at before it counts as one that cannot shine on a receiver: a lamp that arrives in part must not count as
 /// seen because the one point drawn could not.
 inline constexpr uint32_t kLeastLooked = 16;
-/// Ray from a surface towards a light point, ended just before it; the origin leaves the surface on the side of Ng.
-Ray shadowRay(const Accel& accel, const Vec3& p, const Vec3& Ng, const LightPoint& point);
+/// Ray from a surface towards a light point, ended just before it; the origin leaves the surface on the side of Ng. `reach`: of the surface's instance
+/// (Accel::reach), as offsetOrigin() takes it.
+Ray shadowRay(const Vec3& reach, const Vec3& p, const Vec3& Ng, const LightPoint& point);
 
 }  // namespace terms
 }  // namespace gobo

@@ -87,7 +87,7 @@ Result<TermPtr> LightSamplesNode::run(const RunContext& ctx) const {
         };
         for (size_t e = from; e < to; ++e) {
           if (!surface.hit(e)) continue;
-          const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
+          const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e), reach = surface.reach(e, *accel);
           for (uint32_t i = 0; i < std::min(n[e], s_.kept); ++i) {
             LightPoint q;
             if (!light.sample(p, N, Ng, points(e, i).next2D(), q)) continue;
@@ -100,7 +100,7 @@ Result<TermPtr> LightSamplesNode::run(const RunContext& ctx) const {
             if (i < s_.pilot) {
               s.seen = !(blocked[e] >> i & 1);
             } else if (!q.belowSurface) {
-              ray[count] = shadowRay(*accel, p, Ng, q);
+              ray[count] = shadowRay(reach, p, Ng, q);
               of[count++] = &s;
               if (count == 16) flush();
             }

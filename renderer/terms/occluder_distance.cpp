@@ -58,7 +58,8 @@ class OccluderDistanceNode final : public Node {
               if (!light.sample(surface.position(e), surface.normal(e), surface.geometricNormal(e), Vec2(0.5f), point) || point.belowSurface) continue;
               Hit hit;
               ++rays;
-              if (accel->intersect(shadowRay(*accel, surface.position(e), surface.geometricNormal(e), point), hit)) d[e] = hit.t, instance[e] = hit.instance;
+              if (accel->intersect(shadowRay(surface.reach(e, *accel), surface.position(e), surface.geometricNormal(e), point), hit))
+                d[e] = hit.t, instance[e] = hit.instance;
             }
           if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
         },

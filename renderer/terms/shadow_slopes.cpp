@@ -75,7 +75,7 @@ class ShadowSlopesNode final : public Node {
           Pilot pilot(*accel, surfaces, s_, frame, out, from, seen);
           for (size_t e = from; e < to; ++e) {
             if (!surface.hit(e)) continue;
-            const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
+            const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e), reach = surface.reach(e, *accel);
             double w = 0;
             for (uint32_t i = 0; i < s_.pilot; ++i) {
               LightPoint point;
@@ -85,7 +85,7 @@ class ShadowSlopesNode final : public Node {
                 continue;
               }
               w += point.weight;
-              pilot.add(e, i, p, shadowRay(*accel, p, Ng, point), point);
+              pilot.add(e, i, p, shadowRay(reach, p, Ng, point), point);
             }
             out.sumW[e] = float(w);
           }
@@ -249,7 +249,7 @@ class ShadowAdaptiveNode final : public Node {
           };
           for (size_t e = from; e < to; ++e) {
             if (!surface.hit(e)) continue;
-            const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
+            const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e), reach = surface.reach(e, *accel);
             for (size_t c = 0; c < C; ++c) seen[e - from][int(c)] = sumV[C * e + c];
             double w = sumW[e];
             bool below = false;
@@ -261,7 +261,7 @@ class ShadowAdaptiveNode final : public Node {
                 continue;
               }
               w += point.weight;
-              ray[count] = shadowRay(*accel, p, Ng, point);
+              ray[count] = shadowRay(reach, p, Ng, point);
               element[count] = e - from;
               weight[count++] = point.weight;
               if (count == 16) flush();

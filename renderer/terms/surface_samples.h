@@ -4,6 +4,7 @@
 
 #include "base/vec.h"
 #include "terms/term_shape.h"
+#include "trace/accel.h"
 
 namespace gobo {
 inline namespace terms {
@@ -24,6 +25,8 @@ struct SurfaceSamples {
   Vec3 position(size_t e) const { return Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]); }
   Vec3 normal(size_t e) const { return Vec3(N[3 * e], N[3 * e + 1], N[3 * e + 2]); }
   Vec3 geometricNormal(size_t e) const { return Vec3(Ng[3 * e], Ng[3 * e + 1], Ng[3 * e + 2]); }
+  /// For shadowRay().
+  Vec3 reach(size_t e, const Accel& accel) const { return accel.reach(instance[e]); }
 };
 
 }  // namespace terms

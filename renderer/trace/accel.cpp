@@ -96,6 +96,7 @@ Accel::~Accel() = default;
 size_t Accel::bytes() const { return impl_->bytes; }
 float Accel::unit() const { return impl_->unit; }
 Vec3 Accel::reach() const { return impl_->reach; }
+Vec3 Accel::reach(uint32_t instance) const { return impl_->instanceReach[instance]; }
 
 Accel::Impl::~Impl() {
   if (scene) rtcReleaseScene(scene);
@@ -138,7 +139,8 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
   std::vector<std::vector<Vec3>> objectPositions(meshes.size());
   const auto instanced = [&](size_t mesh) { return uses[mesh] > 1 && meshes[mesh].triangles() * (uses[mesh] - 1) > kMaxCopiedTriangles; };
   std::vector<float> largest(instances.size(), 0.0f);
-  std::vector<Vec3> reach(instances.size(), Vec3(0.0f));
+  std::vector<Vec3>& reach = impl.instanceReach;
+  reach.assign(instances.size(), Vec3(0.0f));
   const bool copied = arena.parallelFor(
       instances.size(), 1,
       [&](size_t begin, size_t end) {
@@ -178,8 +180,12 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
   impl.unit = coordinateUnit(most);
   impl.reach = Vec3(0.0f);
   for (const Vec3& r : reach) impl.reach = glm::max(impl.reach, r);
-  const float widest = std::fmax(impl.reach.x, std::fmax(impl.reach.y, impl.reach.z));
-  if (!(widest > 0.0f) || !std::isfinite(widest)) impl.reach = Vec3(1.0f);  // nothing there, or nothing that could be asked for a step
+  const auto usable = [](Vec3& r) {
+    const float widest = std::fmax(r.x, std::fmax(r.y, r.z));
+    if (!(widest > 0.0f) || !std::isfinite(widest)) r = Vec3(1.0f);  // nothing there, or nothing that could be asked for a step
+  };
+  usable(impl.reach);
+  for (Vec3& r : reach) usable(r);
 
   impl.meshScenes.assign(meshes.size(), nullptr);
   bool complete = true;

@@ -72,6 +72,8 @@ class Accel {
   float unit() const;
   /// At least what offsetOrigin() takes as `reach` for any point of the scene, by axis; 1 when empty.
   Vec3 reach() const;
+  /// The same for points of an instance alone: something wide elsewhere does not widen the step off a small thing.
+  Vec3 reach(uint32_t instance) const;
   struct Impl;
   const Impl& impl() const { return *impl_; }
 
@@ -114,7 +116,8 @@ class AccelCache {
 
 /// p moved to the side of `side` (unit, the geometric normal or its opposite) past every point that rounding could have put on the wrong side of its
 /// triangle (pbrt-v4 section 6.8.6, with room for Embree's own rounding: 2.5 units in the last place at least). `reach`: the sum of the absolute values
-/// that went into p, or a bound of it: of a point that nothing more is known of, Accel::reach(). It moves by 1.3e-6 of the largest coordinate at most.
+/// that went into p, or a bound of it: of a point of an instance Accel::reach(instance), of any other Accel::reach(). It moves by 1.3e-6 of the largest
+/// coordinate at most.
 inline Vec3 offsetOrigin(const Vec3& p, const Vec3& side, const Vec3& reach) {
   // The second part is for planes along an axis: Embree takes t = 0 for a hit, and rounding of its normal counts there.
   const float d = 6e-7f * glm::dot(glm::abs(side), reach) + 3e-7f * std::max(reach.x, std::max(reach.y, reach.z));

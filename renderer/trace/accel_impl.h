@@ -47,6 +47,7 @@ struct Accel::Impl {
   bool hasAlpha = false;
   float unit = 1.0f;
   Vec3 reach{1.0f};
+  std::vector<Vec3> instanceReach;  ///< by instance
   size_t bytes = 0;
   ~Impl();
 

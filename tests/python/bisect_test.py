@@ -29,7 +29,7 @@ cat > out/gobo <<'END'
 lamp=$(cat "$(dirname "$0")/../lamp")
 [ "$lamp" = crash ] && kill -SEGV $$
 [ "$lamp" = fails ] && exit 2
-[ "$lamp" = late ] && { lamp=1,1,1; [ -e "$COUNT.go" ] || { echo $$ > "$COUNT.late"; sleep 60; }; }
+[ "$lamp" = late ] && { lamp=1,1,1; [ -e "$COUNT.deaf" ] && trap "" TERM; [ -e "$COUNT.go" ] || { echo $$ > "$COUNT.late"; sleep 60; }; }
 [ "$1" = --local ] && [ "$2" = regress ] && [ "$3" = run ] || exit 64
 suite=$4.$$.toml
 sed "s/^spp = 2/&\nset = [\"lights.light.gain=$lamp\"]/; s/^parts = 1/&\n$(cat "$(dirname "$0")/../depth")/" "$4" > "$suite"
@@ -273,6 +273,20 @@ class Bisect(unittest.TestCase):
         self.git("-C", self.work, "init", "-q")
         self.assertEqual(self.answer(good, bad)["builds"], 1)
         self.assertTrue((self.work / "lock").exists())
+
+    def test_interrupted_twice_it_leaves_nothing_behind(self):
+        self.accept()
+        good = self.commit("first")
+        self.commit("late", lamp="late")
+        bad = self.commit("redder", lamp="1.2,1,1")
+        pathlib.Path(str(self.count) + ".deaf").touch()              # so that it waits for the child when it is asked again
+        process, child = self.start(good, bad)
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=30)
+        self.assertEqual(process.returncode, 5, said)
+        self.assertEqual(self.living(child), [])
 
     def test_what_ends_the_child_as_well_is_no_verdict(self):
         self.accept()

@@ -232,18 +232,41 @@ class SmallStore(DaemonTest):
         class Blind(service_pb2_grpc.ScenesServicer):
             def Open(self, request, context):
                 context.abort(grpc.StatusCode.PERMISSION_DENIED, "is not under a folder that may be read")
-        path = self.scene(1, 1000)
+        done = self.load_by(Forgetful(), Blind(), self.scene(1, 1000), code=2)
+        self.assertIn("does not keep", done.stderr)
+        self.assertEqual(len(puts), 3 * 3, "each of the three files three times")
+
+    def load_by(self, blobs, scenes, path, code=0):
+        """What the command line says of a server of these two services."""
         server = grpc.server(futures.ThreadPoolExecutor(4), options=[("grpc.so_reuseport", 0)])
-        service_pb2_grpc.add_BlobsServicer_to_server(Forgetful(), server)
-        service_pb2_grpc.add_ScenesServicer_to_server(Blind(), server)
+        service_pb2_grpc.add_BlobsServicer_to_server(blobs, server)
+        service_pb2_grpc.add_ScenesServicer_to_server(scenes, server)
         port = server.add_insecure_port("127.0.0.1:0")
         server.start()
         try:
-            done = self.cli("--server", f"127.0.0.1:{port}", "load", path, code=2, timeout=60)
+            return self.cli("--server", f"127.0.0.1:{port}", "load", path, code=code, timeout=60)
         finally:
             server.stop(None).wait()
-        self.assertIn("does not keep", done.stderr)
-        self.assertEqual(len(puts), 3 * 3, "each of the three files three times")
+
+    def test_the_command_line_asks_again_where_the_question_breaks(self):
+        asked = []
+
+        class Restarting(service_pb2_grpc.BlobsServicer):
+            def Missing(self, request, context):
+                asked.append(len(request.blobs))
+                if len(asked) == 1:
+                    context.abort(grpc.StatusCode.UNAVAILABLE, "it restarts")
+                if len(asked) == 2:
+                    context.abort(grpc.StatusCode.RESOURCE_EXHAUSTED, "too many calls; retry after 100 ms")
+                return service_pb2.MissingBlobsReply()
+
+        class Opening(service_pb2_grpc.ScenesServicer):
+            def Open(self, request, context):
+                if not request.files:
+                    context.abort(grpc.StatusCode.PERMISSION_DENIED, "is not under a folder that may be read")
+                return service_pb2.SceneInfo(id="opened")
+        self.assertIn("opened", self.load_by(Restarting(), Opening(), self.scene(1, 1000)).stdout)
+        self.assertEqual(asked, [3, 3, 3])
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers and sizes on the command line, and output that cannot be written: nothing is taken for another thing, and nothing is lost unsaid."""
+"""Numbers, sizes, names and files on the command line, and output that cannot be written: nothing is taken for another thing, and nothing is lost unsaid."""
 import os
 import resource
 import signal
@@ -28,6 +28,35 @@ class Words(JobsTest):
     def test_sizes_do_not_wrap(self):
         for size in ("4294967328x24", "24x4294967328", "99999999999999999999x4", "32x-4", "-32x4", "+32x4", "32x4x", "32x", "x4", "32 x4"):
             self.assertIn(f"--size {size}: must be WIDTHxHEIGHT", self.cli("render", "cornell", "-o", "x.exr", f"--size={size}", code=2).stderr)
+
+    def test_a_value_that_is_none_of_its_field_is_named(self):
+        for words in (("plan", "cornell"), ("relight", "nosuch")):
+            for value in ("shadows=percentage_closr", "integrator.sampler=lattice", "width=many", "filters[0]=blom"):
+                said = self.cli(*words, "--set", value, code=2).stderr
+                self.assertIn(f"--set {value}: ", said)
+        self.assertIn("percentage_closer", self.cli("plan", "cornell", "--set", "shadows=percentage_closr", code=2).stderr)
+
+    def test_a_scene_to_view_that_there_is_none_of(self):
+        for place in ((), ("--local",)):
+            for name in ("cornel", "no/such", "nosuch.glb"):
+                done = self.cli(*place, "view", name, code=3, timeout=60)
+                self.assertIn(name, done.stderr)
+                self.assertEqual(done.stdout, "")
+
+    def test_a_file_without_certificates_is_named(self):
+        with open(self.path("no.pem"), "w", encoding="utf-8") as file:
+            file.write("-----BEGIN CERTIFICATE-----\nbm9uZQ==\n-----END CERTIFICATE-----\n")
+        with open(self.path("none.pem"), "w", encoding="utf-8"):
+            pass
+        for name in ("no.pem", "none.pem"):
+            said = self.cli("--server", "localhost:9", "--ca", name, "status", code=2).stderr
+            self.assertEqual(said, f"gobo: INVALID_ARGUMENT: --ca {name}: holds no PEM certificate\n")
+        self.assertIn("--cert no.pem: holds no PEM certificate", self.cli("--server", "localhost:9", "--cert", "no.pem", "--key", "no.pem", "status", code=2).stderr)
+
+    def test_a_difference_is_a_png(self):
+        for name in ("x.jpg", "x.exr", "x"):
+            self.assertIn(f"--diff {name}: must end in .png", self.cli("compare", "nosuch.exr", "other.exr", "--diff", name, code=2).stderr)
+            self.assertFalse(os.path.exists(self.path(name)))
 
     def test_output_that_cannot_be_written_is_a_failure(self):
         env = {**os.environ, "GOBO_SERVER": self.client.address}

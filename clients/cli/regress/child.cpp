@@ -11,6 +11,8 @@
 #include <chrono>
 #include <csignal>
 #include <cstring>
+#include <mutex>
+#include <set>
 
 #include "server/log.h"
 
@@ -19,6 +21,9 @@ namespace {
 
 using ChildClock = std::chrono::steady_clock;
 constexpr auto kPatience = std::chrono::seconds(3);  // between asking a group to end and ending it
+
+std::mutex groupsMutex;
+std::set<pid_t> groups;  // of children that are waited for
 
 class File {
  public:
@@ -75,7 +80,12 @@ Result<pid_t> spawnChild(const std::vector<std::string>& words, const std::strin
   arguments.push_back(nullptr);
   std::vector<char*> environment = environmentOfChildren();
   pid_t pid = -1;
-  const int failed = ::posix_spawnp(&pid, arguments[0], &actions, &attributes, arguments.data(), environment.data());
+  int failed = 0;
+  {
+    const std::lock_guard lock(groupsMutex);
+    failed = ::posix_spawnp(&pid, arguments[0], &actions, &attributes, arguments.data(), environment.data());
+    if (!failed) groups.insert(pid);
+  }
   posix_spawn_file_actions_destroy(&actions);
   posix_spawnattr_destroy(&attributes);
   if (failed) return Status(failed == ENOENT ? Code::NotFound : Code::Unknown, "cannot start \"" + words[0] + "\": " + std::strerror(failed));
@@ -104,7 +114,20 @@ int endGroup(pid_t pid) {
   return status;
 }
 
+/// A group that has been waited for is nobody's to end: its number may be another's.
+struct Awaited {
+  explicit Awaited(pid_t pid) : pid(pid) {}
+  ~Awaited() {
+    const std::lock_guard lock(groupsMutex);
+    groups.erase(pid);
+  }
+  Awaited(const Awaited&) = delete;
+  Awaited& operator=(const Awaited&) = delete;
+  const pid_t pid;
+};
+
 Result<ChildEnd> waitFor(pid_t pid, const ChildOptions& options) {
+  const Awaited awaited(pid);
   const auto begin = ChildClock::now();
   for (int pause = 1000;; pause = std::min(20000, pause * 2)) {
     int status = 0;
@@ -147,6 +170,11 @@ Result<std::string> outputOf(const std::vector<std::string>& words) {
   std::string said = error.content();
   while (!said.empty() && (said.back() == '\n' || said.back() == ' ')) said.pop_back();
   return Status(Code::FailedPrecondition, said.empty() ? words[0] + " " + end.text() : said);
+}
+
+void endChildren() {
+  groupsMutex.lock();  // and never unlocked: what starts after this would outlive the program
+  for (const pid_t group : groups) ::kill(-group, SIGKILL);
 }
 
 }  // namespace gobo::cli

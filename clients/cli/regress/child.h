@@ -30,5 +30,7 @@ struct ChildOptions {
 Result<ChildEnd> runChild(const std::vector<std::string>& words, const std::string& log, const ChildOptions& options);
 /// The output of a program that must succeed; else FailedPrecondition with what it says on standard error.
 Result<std::string> outputOf(const std::vector<std::string>& words);
+/// For a program that leaves without waiting: ends the groups of all children, and none starts any more. Any thread.
+void endChildren();
 
 }  // namespace gobo::cli

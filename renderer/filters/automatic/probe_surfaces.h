@@ -35,7 +35,7 @@ inline void look(const SolidScene& scene, const Eye& eye, const Ray* ray, int co
   for (int i = 0; i < count; ++i) {
     const size_t e = first + size_t(i);
     at.instance[e] = hit[i].instance;
-    const Vec3 p = hit[i].valid() ? ray[i].origin + ray[i].direction * hit[i].t : Vec3(0.0f);
+    const Vec3 p = hit[i].valid() ? hitPosition(scene.accel(), hit[i]) : Vec3(0.0f);
     const Vec3 n = !hit[i].valid() ? Vec3(0.0f) : glm::dot(hit[i].Ng, ray[i].direction) < 0 ? hit[i].Ng : -hit[i].Ng;
     for (int c = 0; c < 3; ++c) {
       at.P[3 * e + c] = p[c];
@@ -45,19 +45,20 @@ inline void look(const SolidScene& scene, const Eye& eye, const Ray* ray, int co
 }
 
 constexpr uint32_t kMostProbeRays = 64;
-/// prefix[i]: visibility at p by the first i + 1 of `count` points (at most kMostProbeRays) of a sequence. How many of them the light can shine
+/// prefix[i]: visibility at surface `e` by the first i + 1 of `count` points (at most kMostProbeRays) of a sequence. How many of them the light can shine
 /// from; 1 where from none.
-inline uint32_t visibilityOfPoints(const SolidScene& scene, const LightPoints& light, const Vec3& p, const Vec3& N, const Vec3& Ng, uint64_t seed,
-                                   uint32_t count, float* prefix, uint64_t& rays) {
+inline uint32_t visibilityOfPoints(const SolidScene& scene, const LightPoints& light, const Surfaces& at, size_t e, uint64_t seed, uint32_t count,
+                                   float* prefix, uint64_t& rays) {
+  const Vec3 p = at.position(e), N = at.normal(e), Ng = at.geometricNormal(e), reach = scene.accel().reach(at.instance[e]);
   Ray packet[16];
-  uint32_t at[16];
+  uint32_t place[16];
   int waiting = 0;
   float weight[kMostProbeRays] = {};
   bool open[kMostProbeRays] = {};
   GOBO_CHECK(count <= kMostProbeRays);
   const auto flush = [&] {
     const uint32_t blocked = waiting ? scene.occluded16(packet, waiting) : 0;
-    for (int i = 0; i < waiting; ++i) open[at[i]] = !(blocked >> i & 1);
+    for (int i = 0; i < waiting; ++i) open[place[i]] = !(blocked >> i & 1);
     rays += uint64_t(waiting);
     waiting = 0;
   };
@@ -67,8 +68,8 @@ inline uint32_t visibilityOfPoints(const SolidScene& scene, const LightPoints& l
     if (!light.sample(p, N, Ng, u, point)) continue;
     if (point.belowSurface) continue;
     weight[i] = point.weight;
-    packet[waiting] = shadowRay(scene.accel(), p, Ng, point);
-    at[waiting++] = i;
+    packet[waiting] = shadowRay(reach, p, Ng, point);
+    place[waiting++] = i;
     if (waiting == 16) flush();
   }
   flush();

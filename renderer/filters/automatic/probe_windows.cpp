@@ -135,9 +135,7 @@ class ProbeWindowsNode final : public Node {
                 bool shines = true;
                 for (uint64_t h = 0; h < 2 && shines; ++h) {
                   const uint64_t seed = hash64(hash64(s_.seed, 0x7a1f + h), e);
-                  shines = 2 * visibilityOfPoints(scene, light, surfaces.position(e), surfaces.normal(e), surfaces.geometricNormal(e), seed, kWindowTruthRays,
-                                                  prefix[h], rays) >=
-                           kWindowTruthRays;
+                  shines = 2 * visibilityOfPoints(scene, light, surfaces, e, seed, kWindowTruthRays, prefix[h], rays) >= kWindowTruthRays;
                 }
                 if (!shines) continue;
                 lit[e] = 1.0f;

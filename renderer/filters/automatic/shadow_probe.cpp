@@ -147,7 +147,7 @@ class ShadowProbeNode final : public Node {
           shut[i] = true;
           continue;
         }
-        ray[waiting] = shadowRay(scene.accel(), at.position(size_t(i)), at.normal(size_t(i)), point);
+        ray[waiting] = shadowRay(scene.accel().reach(at.instance[size_t(i)]), at.position(size_t(i)), at.normal(size_t(i)), point);
         of[waiting++] = i;
       }
       const uint32_t blocked = waiting ? scene.occluded16(ray, waiting) : 0;
@@ -215,7 +215,7 @@ class ShadowProbeNode final : public Node {
       V[i] = 0.0f;
       can[i] = at.hit(e) && light.sample(at.position(e), at.normal(e), at.normal(e), Vec2(0.5f), point);
       if (!can[i] || point.belowSurface) continue;
-      ray[waiting] = shadowRay(scene.accel(), at.position(e), at.normal(e), point);
+      ray[waiting] = shadowRay(scene.accel().reach(at.instance[e]), at.position(e), at.normal(e), point);
       of[waiting++] = i;
     }
     const uint32_t blocked = waiting ? scene.occluded16(ray, waiting) : 0;
@@ -247,7 +247,7 @@ class ShadowProbeNode final : public Node {
       bool shines = true;
       for (int q = 0; q < kSequences && shines; ++q) {
         const uint64_t seed = q == 0 ? viewSampleSeed(s_.seed, e) : hash64(s_.seed, hash64(e, uint64_t(q)));
-        const uint32_t from = visibilityOfPoints(scene, light, at.position(e), at.normal(e), at.geometricNormal(e), seed, length[q], prefix[q], rays);
+        const uint32_t from = visibilityOfPoints(scene, light, at, e, seed, length[q], prefix[q], rays);
         if (q > 0) continue;
         shines = from > 0;
         little |= shines && 2 * from < length[0];

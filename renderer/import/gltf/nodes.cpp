@@ -157,7 +157,7 @@ class Tree {
     Mat4 frame(1.0f);
     const Cursor punctual = node.extension("KHR_lights_punctual")["light"], measured = node.extension("EXT_lights_ies"), area = goboLight(node);
     if (!d_.ok() || (camera < 0 && !punctual.exists() && !measured.exists() && !area.exists())) return;
-    const bool oriented = rigidFrame(world, frame);
+    const bool oriented = rigidFrame(world, frame, Vec3(pose_.facing[place_[index]]));
     if (!oriented) frame = turnedFrame(pose_, place_[index]);
     if (camera >= 0 && !oriented && !moves_) d_.warn(node.pointer, "camera without an orientation is left out");
     else if (camera >= 0 && d_.ok()) {

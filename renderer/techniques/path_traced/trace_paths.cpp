@@ -68,6 +68,7 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
   PathTracerSettings s = pathTracerSettings(c, cover);
   s.seed = c.pathSeed();
   s.behindOnly = overlaps(job.paths, PathSet::Direct) && !overlaps(job.paths, PathSet::Front);
+  if (s.behindOnly && overlaps(job.paths, PathSet::Indirect)) return internalError("paths that end on a front bring no indirect light (" + job.label + ")");
   s.unlit = job.unlit;
   const int classes = has(cover, PathClass::Emission) + has(cover, PathClass::Direct) + has(cover, PathClass::Indirect);
   const bool scatters = has(cover, PathClass::Direct) || has(cover, PathClass::Indirect);
@@ -169,7 +170,15 @@ Status traceDifference(PlanContext& c, int light, const Vec3& weight) {
   job.slotGroup = {0};
   job.groups = {c.groups().groupOf[size_t(light)]};
   job.weights = {weight};
-  return addPathTrace(c, job);
+  const PathSet behind = job.paths & PathSet::Behind;
+  if (behind == PathSet::None || overlaps(job.paths, PathSet::Front) || !overlaps(job.paths, PathSet::Indirect)) return addPathTrace(c, job);
+  // The front is another technique's: paths for what is behind alone end there, and those of indirect light go on.
+  PathTraceJob apart = job;
+  apart.paths = behind;
+  apart.label += " behind";
+  job.paths = job.paths - behind;
+  GOBO_TRY(addPathTrace(c, job));
+  return addPathTrace(c, apart);
 }
 
 Result<NodeId> traceSeen(PlanContext& c, int light, const Vec3& nominal, const ScenePtr& scene, const std::string& label) {

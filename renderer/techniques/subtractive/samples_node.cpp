@@ -12,7 +12,7 @@ constexpr double kMostSum = 1e36;
 double lobeLuminance(const DVec3& c) { return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z; }
 
 /// Which of the lights are seen.
-void traceShadows(const Accel& accel, const TracedSample& sample, const Arrivals& arrivals, std::vector<char>& seen, uint64_t& rays) {
+void traceShadows(const Accel& accel, const Vec3& reach, const TracedSample& sample, const Arrivals& arrivals, std::vector<char>& seen, uint64_t& rays) {
   seen.assign(arrivals.lights.size(), 0);
   Ray ray[16];
   size_t of[16];
@@ -29,7 +29,7 @@ void traceShadows(const Accel& accel, const TracedSample& sample, const Arrivals
       seen[i] = light.way == Arrivals::Way::Open;
       continue;
     }
-    ray[count] = shadowRay(accel, sample.point.p, sample.point.ng, light.point);
+    ray[count] = shadowRay(reach, sample.point.p, sample.point.ng, light.point);
     of[count++] = i;
     if (count == 16) flush();
   }
@@ -156,7 +156,7 @@ Result<TermPtr> SamplesNode::run(const RunContext& ctx) const {
           const TracedSample sample = sampleAt(in, e);
           arrivals.clear();
           from->at(sample, arrivals);
-          traceShadows(*accel, sample, arrivals, seen, rays);
+          traceShadows(*accel, accel->reach(in.instance[e]), sample, arrivals, seen, rays);
           writeSums(sumsOf(arrivals, seen), out, e);
         }
         if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);

@@ -17,6 +17,7 @@
 #include "support/shadow_stage.h"
 #include "support/stopping.h"
 #include "support/thorough.h"
+#include "support/tiny_scenes.h"
 #include "terms/light_points.h"
 
 namespace gobo::test::probe {
@@ -194,6 +195,27 @@ TEST(ShadowProbe, HardErrorsAreThoseOfThePicture) {
     // The truth's own 256 places (64) are no infinity; maps by rays through texel centres are scan conversion's but for edges of triangles.
     expectRight(std::string(s.scene) + ", a ray", mse[0], variance[0], brute.mse(runShadow(scene, rays(1), {kProbeWidth, kProbeHeight}, light).V()), 0.03);
     expectRight(std::string(s.scene) + ", a map", mse[1], variance[1], brute.mse(runShadow(scene, map(512), {kProbeWidth, kProbeHeight}, light).V()), 0.08);
+  }
+}
+
+// A ball that nothing shades, framed alike from afar: origin + t direction is off by what the distance's last place says, hitPosition() is not.
+TEST(ShadowProbe, FarCamerasSeeNoAcne) {
+  for (const float distance : {3.0f, 30.0f, 300.0f, 3000.0f}) {
+    tests::SceneMaker m;
+    m.instance(m.mesh(tests::sphere(Vec3(0.1f, 0.2f, -0.3f), 1.0f, 40, false), m.material(Vec3(0.5f))));
+    LightShape sun;
+    sun.kind = LightKind::Directional;
+    sun.axis = -glm::normalize(Vec3(0.3f, 0.5f, 1.0f));
+    m.light(sun);
+    m.camera(Vec3(0.1f, 0.2f, -0.3f) + distance * glm::normalize(Vec3(0.2f, 0.7f, 1.0f)), Vec3(0.1f, 0.2f, -0.3f), 2 * std::atan(0.7f / distance));
+    const ScenePtr scene = m.finish();
+    const Probed p = probed(scene, 0, 7, {1}, 0);
+    const Brute brute = hardTruth(scene, 0);
+    const double error = brute.mse(runShadow(scene, rays(1), {kProbeWidth, kProbeHeight}, 0).V());
+    // Where the light leaves the ball a pixel's places may differ; acne is fifty times that.
+    EXPECT_LT(error, 1e-4) << distance;
+    EXPECT_LT(p.mse[0], 1e-3) << distance;
+    EXPECT_GT(p.share, 0.5) << distance;
   }
 }
 

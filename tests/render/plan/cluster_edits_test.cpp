@@ -163,6 +163,74 @@ TEST(ClusterEdits, HaveTheShadowsOfTheirTechnique) {
   }
 }
 
+// However weak: inside the cluster its gain would be path traced over what transfer brought of it.
+TEST(ClusterEdits, AMapHasAGroupOfItsOwn) {
+  const auto withMap = editScene(*room(), [&](Scene& s) -> Status {
+    Image sky(16, 8, 3);
+    for (int y = 0; y < 8; ++y)
+      for (int x = 0; x < 16; ++x) sky.at(x, y)[0] = sky.at(x, y)[1] = sky.at(x, y)[2] = 0.01f + 0.01f * float((x + y) % 5);
+    s.environment = makeEnvironment("sky", sky);
+    Light map;
+    map.name = "sky";
+    map.shape.kind = LightKind::Environment;
+    map.power = Vec3(0.02f);
+    s.lights.insert(s.lights.begin() + 7, map);
+    return s.seal();
+  });
+  ASSERT_TRUE(withMap.ok()) << withMap.status().toString();
+  for (const int most : {2, 3, 16, 20}) {
+    const RelightGroups groups = makeGroups(**withMap, most);
+    EXPECT_TRUE(groups.single(groups.groupOf[7])) << most;
+    EXPECT_EQ(groups.count, most);
+  }
+  for (const std::string technique : {"environment.transfer.points=500", "environment.area_lights=8", "environment.subtractive.lights=20"}) {
+    SCOPED_TRACE(technique);
+    const auto engine = makeEngine();
+    v1::RenderRequest r = request();
+    set(r, "integrator.at_view_samples=false");
+    set(r, technique);
+    const auto edited = editScene(**withMap, [&](Scene& s) -> Status {
+      s.lights[7].power = Vec3(0.2f);
+      return {};
+    });
+    ASSERT_TRUE(edited.ok());
+    const Image plain = renderOf(*engine, *withMap, r).images[0].image(), truth = renderOf(*makeEngine(), *edited, r).images[0].image();
+    set(r, "environment.gain=10,10,10");
+    const Image relit = renderOf(*engine, *withMap, r).images[0].image();
+    EXPECT_LT(maxComponent(worst(relit, truth)), 2e-5f);
+    EXPECT_GT(maxComponent(worst(plain, truth)), 1e-3f) << "invisible, the test says nothing";
+  }
+}
+
+// The front is the technique's and the rest is traced: light that passes the surface, and light that goes on from either side of it.
+TEST(ClusterEdits, HaveTheIndirectLightOfTranslucentSurfaces) {
+  const auto scene = editScene(*room(), [&](Scene& s) -> Status {
+    s.materials[0].bsdf.diffuseTransmission = 0.6f;
+    s.materials[0].albedo.factor = Vec3(0.8f);
+    return {};
+  });
+  ASSERT_TRUE(scene.ok());
+  for (const char* technique : {"shadows.ray_traced.samples=1", "shadows.subtractive.resolution=1"}) {
+    const auto mean = [&](int groups, const char* output) {
+      v1::RenderRequest r = smallRequest("room", 32, 24, 256);
+      for (const std::string& a : {std::string(technique), std::string("integrator.max_bounces=3"), "integrator.max_groups=" + std::to_string(groups),
+                                   std::string("outputs=") + output, std::string("lights.p3.gain=4,2,0.5"), std::string("lights.p4.enabled=false"),
+                                   std::string("lights.p5.enabled=false"), std::string("lights.p17.gain=9,9,9")})
+        set(r, a);
+      const Image picture = renderOf(*makeEngine(), *scene, r).images[0].image();
+      double sum = 0;
+      for (const float v : picture.data) sum += v;
+      return sum / double(picture.data.size());
+    };
+    for (const char* output : {"indirect", "direct"}) {
+      SCOPED_TRACE(std::string(technique) + ", " + output);
+      const double apart = mean(16, output);
+      EXPECT_GT(apart, 1e-3);
+      EXPECT_NEAR(mean(1, output), apart, 0.03 * apart);
+    }
+  }
+}
+
 TEST(ClusterEdits, AnotherColourOfAnEditedLightTracesNothing) {
   const ScenePtr scene = room();
   const auto engine = makeEngine();

@@ -309,6 +309,29 @@ TEST(Rig, ALampScaledToNothingIsDarkAndComesBack) {
   }
 }
 
+// The limit of what a node of a small scale shows, mirrored or not, its own mirror or its parent's.
+TEST(Rig, AnAxisOfNoLengthFollowsItsLimit) {
+  const fs::path folder = fs::temp_directory_path() / ("gobo-no-axis-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  const auto towards = [&](const char* parent, const std::string& scale) {
+    std::ofstream(folder / "lamp.gltf") << R"({"asset":{"version":"2.0"},"scenes":[{"nodes":[1]}],"nodes":[{"name":"lamp","rotation":[0.18301270,0.50000000,
+      0.18301270,0.8264458],"scale":)" << scale
+                                        << R"(,"extensions":{"KHR_lights_punctual":{"light":0}}},{"name":"parent","scale":)" << parent
+                                        << R"(,"children":[0]}],"extensionsUsed":["KHR_lights_punctual"],
+      "extensions":{"KHR_lights_punctual":{"lights":[{"type":"directional","intensity":10}]}}})";
+    const auto scene = loadGltf((folder / "lamp.gltf").string());
+    EXPECT_TRUE(scene.ok()) << scene.status().toString();
+    return scene.ok() && !(*scene)->lights.empty() ? (*scene)->lights[0].shape.axis : Vec3(0.0f);
+  };
+  for (const char* parent : {"[1,1,1]", "[-1,1,1]", "[1,1,-2]", "[-1,-1,-1]"})
+    for (const char* own : {"[1,1,", "[-1,1,", "[1,-3,", "[-1,-1,"}) {
+      const Vec3 limit = towards(parent, std::string(own) + "1e-4]"), flat = towards(parent, std::string(own) + "0]");
+      EXPECT_NEAR(glm::length(limit), 1.0f, 1e-5f);
+      EXPECT_LT(glm::length(flat - limit), 1e-3f) << parent << " " << own << " 0]";
+    }
+  fs::remove_all(folder);
+}
+
 TEST(Rig, VariantsChangeMaterialsAlone) {
   const ScenePtr rest = loaded(testing::writeAnimatedScene("variants"));
   const auto red = withVariant(rest, "red");
