@@ -32,7 +32,10 @@ bool movable(LightKind k) { return k != LightKind::Mesh && k != LightKind::Envir
 Status applyPose(const Rig& rig, const RigPose* rest, const RigPose& pose, Scene& scene, const StopToken& stop) {
   std::vector<char> moved(rig.nodes.size(), 1);
   if (rest)
-    for (size_t i = 0; i < moved.size(); ++i) moved[i] = Mat4(rest->world[i]) != Mat4(pose.world[i]);
+    for (size_t i = 0; i < moved.size(); ++i) {
+      const bool flat = glm::determinant(glm::dmat3(pose.world[i])) == 0.0;  // it may turn and have the same matrix
+      moved[i] = Mat4(rest->world[i]) != Mat4(pose.world[i]) || (flat && rest->turn[i] != pose.turn[i]);
+    }
   for (const RigFollower& f : rig.followers) {
     if (!moved[f.node]) continue;
     const Mat4 world(pose.world[f.node] * glm::dmat4(f.local));

@@ -332,6 +332,25 @@ TEST(Rig, AnAxisOfNoLengthFollowsItsLimit) {
   fs::remove_all(folder);
 }
 
+// A matrix of nothing is the same however it is turned; the light has its direction all the same.
+TEST(Rig, ALampOfScale0Turns) {
+  const fs::path folder = fs::temp_directory_path() / ("gobo-turned-lamp-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  const float keys[] = {0, 1, 0, 0, 0, 1, std::sqrt(0.5f), 0, 0, std::sqrt(0.5f)};
+  std::ofstream(folder / "keys.bin", std::ios::binary).write(reinterpret_cast<const char*>(keys), sizeof keys);
+  std::ofstream(folder / "lamp.gltf") << R"({"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}],
+    "nodes":[{"name":"lamp","scale":[0,0,0],"extensions":{"KHR_lights_punctual":{"light":0}}}],"extensionsUsed":["KHR_lights_punctual"],
+    "extensions":{"KHR_lights_punctual":{"lights":[{"type":"directional","intensity":10}]}},"buffers":[{"uri":"keys.bin","byteLength":40}],
+    "bufferViews":[{"buffer":0,"byteLength":8},{"buffer":0,"byteOffset":8,"byteLength":32}],
+    "accessors":[{"bufferView":0,"componentType":5126,"count":2,"type":"SCALAR","min":[0],"max":[1]},{"bufferView":1,"componentType":5126,"count":2,"type":"VEC4"}],
+    "animations":[{"samplers":[{"input":0,"output":1}],"channels":[{"sampler":0,"target":{"node":0,"path":"rotation"}}]}]})";
+  const auto scene = loadGltf((folder / "lamp.gltf").string());
+  fs::remove_all(folder);
+  ASSERT_TRUE(scene.ok()) << scene.status().toString();
+  for (const auto& [time, axis] : {std::pair{0.0, Vec3(0, 0, -1)}, {0.5, Vec3(0, std::sqrt(0.5f), -std::sqrt(0.5f))}, {1.0, Vec3(0, 1, 0)}})
+    EXPECT_LT(glm::length(at(*scene, "", time)->lights[0].shape.axis - axis), 1e-6f) << time;
+}
+
 TEST(Rig, VariantsChangeMaterialsAlone) {
   const ScenePtr rest = loaded(testing::writeAnimatedScene("variants"));
   const auto red = withVariant(rest, "red");
