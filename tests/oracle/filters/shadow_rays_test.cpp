@@ -573,6 +573,38 @@ TEST(LightSamples, ShearedIsCloserToTheRampOfOneEdge) {
   EXPECT_EQ(shorn, error(sheared, 7));
 }
 
+// A lamp that the floor's horizon cuts, over normals that lean towards it: nothing is in the way of what is above both.
+TEST(LightSamples, WhatIsBelowTheSurfaceIsNotTakenOff) {
+  LightShape cut = rectAbove();
+  cut.position = Vec3(3, 0, 0);
+  cut.axis = Vec3(-1, 0, 0);
+  cut.u = Vec3(0, 0, 1);
+  cut.v = Vec3(0, 1.5f, 0);
+  const PlaneView view = floorView(16, 12, 0.02f);
+  const TermPtr leaning = [&] {
+    const auto g = planeGBuffer(view);
+    const auto N = g->writable<float>("N");
+    for (size_t e = 0; e < N.size() / 3; ++e) N[3 * e] = std::sin(0.8f), N[3 * e + 1] = std::cos(0.8f);
+    return g;
+  }();
+  const auto seen = [&](const std::function<Result<NodeId>(Graph&, const ShadowInput&)>& plan) {
+    Graph graph;
+    ShadowInput input;
+    input.scene = stage({}, cut);
+    input.width = view.width;
+    input.height = view.height;
+    input.viewSamples = view.layers;
+    input.gbuffer = graph.add({std::make_shared<GivenTerm>(leaning), {}, {}, "gbuffer", 0, nullptr, false});
+    const auto v = plan(graph, input);
+    GOBO_CHECK(v.ok());
+    return runGraph(graph).terms[size_t(*v)];
+  };
+  const TermPtr sheared = seen([](Graph& g, const ShadowInput& in) { return planShearedShadow(g, in, {}); }),
+                bands = seen([](Graph& g, const ShadowInput& in) { return planMultipleAxisAligned(g, in, {}); });
+  for (const float v : sheared->floats("V")) ASSERT_NEAR(v, 1.0f, 1e-6f);
+  for (const float v : bands->floats("V")) ASSERT_NEAR(v, 1.0f, 1e-6f);
+}
+
 TEST(LightSamples, OnlyRectanglesAndNoClearSurfaces) {
   LightShape disk = rectAbove();
   disk.kind = LightKind::Disk;

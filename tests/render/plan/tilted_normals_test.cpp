@@ -58,5 +58,21 @@ TEST(TiltedNormals, UnderACutLampLightIsNotTakenOffTwice) {
   }
 }
 
+// What lies wholly below the surface is in shadow, whatever its normals say.
+TEST(TiltedNormals, ALampBelowTheSurfaceIsNotSeen) {
+  const auto engine = makeEngine();
+  const ScenePtr scene = leaning(50);
+  for (const std::string technique : {"shadows.ray_traced.samples=4", "shadows.axis_aligned.k=3"})
+    for (const float below : {0.0f, 1.0f}) {
+      v1::RenderRequest r = smallRequest("by hand", 16, 12, 1);
+      for (const std::string& field : {technique, std::string("outputs=visibility:lamp"), "lights.lamp.position=3," + std::to_string(1.6f - 4 * below) + ",0"}) set(r, field);
+      RenderControl control;
+      control.scene = scene;
+      const auto result = engine->render(r, control);
+      ASSERT_TRUE(result.ok()) << result.status().toString();
+      for (const float v : result->images[0].image().data) ASSERT_EQ(v, 1.0f - below) << technique;
+    }
+}
+
 }  // namespace
 }  // namespace gobo::testing::tilted_normals_test
