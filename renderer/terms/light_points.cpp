@@ -37,6 +37,9 @@ LightPoints::LightPoints(const SceneView& view, int light) : shape_(view.lightSh
     tangent_ = 0.5f * shape_.skyRectangle.x * f.x;
     bitangent_ = 0.5f * shape_.skyRectangle.y * f.y;
   }
+  centre_ = shape_.position;
+  if (shape_.kind == LightKind::Rect) radius_ = glm::length(shape_.u) + glm::length(shape_.v);
+  if (shape_.kind == LightKind::Disk || shape_.kind == LightKind::Sphere) radius_ = shape_.radius;
   if (shape_.kind != LightKind::Mesh) return;
   const Instance& instance = view.instances()[shape_.instance];
   const auto mesh = view.mesh<Facet::Topology | Facet::Pose>(instance.mesh);
@@ -54,6 +57,20 @@ LightPoints::LightPoints(const SceneView& view, int light) : shape_(view.lightSh
     cumulated_.push_back(total);
   }
   for (double& c : cumulated_) c /= total;
+}
+
+bool LightPoints::surelyDark(const Vec3& p, const Vec3& N) const {
+  constexpr float kRoom = 1e-4f;  // of lengths and sines: far more than rounding
+  if (shape_.kind == LightKind::Directional) {
+    if (!(sun_ > 0.0f)) return false;
+    const float cosine = -glm::dot(N, glm::normalize(shape_.axis)), sine = std::sqrt(std::max(1.0f - sqr(cosine), 0.0f));
+    return cosine < 0.0f && cosine * (1.0f - sun_) + sine * std::sqrt(sun_ * (2.0f - sun_)) < -kRoom;  // of the disk's highest point
+  }
+  if (!(radius_ > 0.0f)) return false;
+  const Vec3 to = centre_ - p;
+  const float room = kRoom * (glm::length(to) + radius_);
+  if (glm::dot(N, to) + radius_ < -room) return true;
+  return (shape_.kind == LightKind::Rect || shape_.kind == LightKind::Disk) && !shape_.twoSided && glm::dot(shape_.axis, to) > room;
 }
 
 bool LightPoints::sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, LightPoint& out) const {

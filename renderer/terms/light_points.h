@@ -30,6 +30,9 @@ class LightPoints {
   /// The point for u in [0,1)^2. False where the light cannot shine on the receiver along it: behind the surface or the light, outside
   /// a spot's cone or a light's range, inside a sphere.
   bool sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, LightPoint& out) const;
+  /// True only where sample() is false for every u, at the cost of a product: lights of some size that lie behind the horizon of N, or show p their back.
+  /// Not everywhere where it is (by a bounding sphere, with room for rounding).
+  bool surelyDark(const Vec3& p, const Vec3& N) const;
 
  private:
   struct Triangle {
@@ -41,6 +44,8 @@ class LightPoints {
   std::vector<Triangle> triangles_;       // Mesh, and the cumulated shares of their areas
   std::vector<double> cumulated_;
   bool meshTwoSided_ = false;
+  Vec3 centre_{0.0f};     // of a sphere around a light of some size here
+  float radius_ = -1.0f;  // none where negative
 };
 
 /// Shadow rays end at this share of the way: mesh lights are in the acceleration structure, and lamps sit on ceilings.

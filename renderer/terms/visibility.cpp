@@ -64,6 +64,7 @@ class VisibilityNode final : public Node {
           for (size_t e = from; e < to; ++e) {
             if (!surface.hit(e)) continue;
             const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e), reach = surface.reach(e, *accel);
+            if (light.surelyDark(p, N)) continue;
             const uint64_t seed = viewSampleSeed(s_.seed, film(e));
             // Points that cannot shine here say nothing: where none of the few can, others are drawn, or a surface in the dark would count as lit.
             const uint32_t most = light.pointLike() || s_.hard ? samples : std::max(samples, kLeastLooked);

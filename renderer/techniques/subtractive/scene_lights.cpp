@@ -151,7 +151,8 @@ class SceneLightSamplesNode final : public SamplesNode {
       const bool pointLike = points_[i].pointLike();
       // The one point stands for all of the light that arrives: one that cannot shine here, beyond a horizon or on the far side of a lamp, says nothing of it.
       bool below = false;
-      for (uint32_t k = 0; k < (pointLike ? 1 : kLeastLooked); ++k) {
+      const bool dark = points_[i].surelyDark(p.p, p.n);
+      for (uint32_t k = 0; !dark && k < (pointLike ? 1 : kLeastLooked); ++k) {
         const Vec2 u = pointLike ? Vec2(0.5f) : SobolSampler(seed, uint32_t(i + k * points_.size())).next2D();
         if (!points_[i].sample(p.p, p.n, p.ng, u, out.point)) continue;
         if (!out.point.belowSurface) return out;

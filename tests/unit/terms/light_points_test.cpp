@@ -94,5 +94,44 @@ TEST(LightPoints, MapAxesFollowTheLight) {
   EXPECT_EQ(mapFrame(s).x, Frame(s.axis).x);
 }
 
+// Where it says that nothing can arrive no point shines, and it says so of many places where none does.
+TEST(LightPoints, WhatIsSurelyDarkHasNoPoint) {
+  test::LitScene lit;
+  LightShape sun;
+  sun.kind = LightKind::Directional;
+  sun.axis = glm::normalize(Vec3(-1, -2, 0.5f));
+  for (const float size : {0.01f, 0.3f, 1.0f}) {
+    sun.angularSize = size;
+    lit.add(sun);
+  }
+  for (const bool twoSided : {false, true}) lit.add(test::rectLight(Vec3(0.3f, 1, 0), Vec3(0.5f, 0.1f, 0), Vec3(0, 0, 1.5f), twoSided));
+  lit.add(test::diskLight(Vec3(0, 0.5f, 0.2f), Vec3(1, 1, 0), 0.4f));
+  lit.add(test::sphereLight(Vec3(0, 0.5f, 0.2f), 0.7f));
+  lit.build();
+  std::vector<int> subset(lit.scene->lights.size());
+  std::iota(subset.begin(), subset.end(), 0);
+  const SceneView view(*lit.scene, Facet::LightShape, subset);
+  for (const int l : subset) {
+    const LightPoints light(view, l);
+    int dark = 0, none = 0;
+    for (uint32_t i = 0; i < 2000; ++i) {
+      SobolSampler at(5, i);
+      const Vec2 a = at.next2D(), b = at.next2D(), c = at.next2D();
+      const Vec3 p = 4.0f * Vec3(a.x, a.y, b.x) - Vec3(2.0f);
+      const float z = 2 * b.y - 1, r = std::sqrt(std::max(1 - z * z, 0.0f));
+      const Vec3 N(r * std::cos(6.2831853f * c.x), z, r * std::sin(6.2831853f * c.x));
+      bool shines = false;
+      LightPoint point;
+      for (uint32_t k = 0; k < 256 && !shines; ++k) shines = light.sample(p, N, N, SobolSampler(9, k).next2D(), point);
+      const bool says = light.surelyDark(p, N);
+      EXPECT_FALSE(says && shines) << l << " " << i;
+      dark += says;
+      none += !shines;
+    }
+    EXPECT_GT(dark, none / 8) << l;  // a sphere around a long lamp is wide
+    EXPECT_GT(none, 20) << l;
+  }
+}
+
 }  // namespace
 }  // namespace gobo
