@@ -599,8 +599,8 @@ TEST(LightSamples, WhatIsBelowTheSurfaceIsNotTakenOff) {
     GOBO_CHECK(v.ok());
     return runGraph(graph).terms[size_t(*v)];
   };
-  const TermPtr sheared = seen([](Graph& g, const ShadowInput& in) { return planShearedShadow(g, in, {}); }),
-                bands = seen([](Graph& g, const ShadowInput& in) { return planMultipleAxisAligned(g, in, {}); });
+  const TermPtr sheared = seen([](Graph&g, const ShadowInput&in) { return planShearedShadow(g, in, {}); }),
+                bands = seen([](Graph&g, const ShadowInput&in) { return planMultipleAxisAligned(g, in, {}); });
   for (const float v : sheared->floats("V")) ASSERT_NEAR(v, 1.0f, 1e-6f);
   for (const float v : bands->floats("V")) ASSERT_NEAR(v, 1.0f, 1e-6f);
 }

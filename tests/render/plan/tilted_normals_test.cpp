@@ -65,7 +65,8 @@ TEST(TiltedNormals, ALampBelowTheSurfaceIsNotSeen) {
   for (const std::string technique : {"shadows.ray_traced.samples=4", "shadows.axis_aligned.k=3"})
     for (const float below : {0.0f, 1.0f}) {
       v1::RenderRequest r = smallRequest("by hand", 16, 12, 1);
-      for (const std::string& field : {technique, std::string("outputs=visibility:lamp"), "lights.lamp.position=3," + std::to_string(1.6f - 4 * below) + ",0"}) set(r, field);
+      for (const std::string& field : {technique, std::string("outputs=visibility:lamp"), "lights.lamp.position=3," + std::to_string(1.6f - 4 * below) + ",0"})
+        set(r, field);
       RenderControl control;
       control.scene = scene;
       const auto result = engine->render(r, control);
