@@ -36,10 +36,14 @@ std::string fieldNames(const Message& m) {
   return names;
 }
 
-Status unknownField(const std::string& name, const Message& m, const std::string& path) {
+std::string nearestField(const std::string& name, const Message& m) {
   std::vector<std::string> known;
   for (int i = 0; i < m.GetDescriptor()->field_count(); ++i) known.push_back(m.GetDescriptor()->field(i)->name());
-  return invalidArgument("no field '" + name + "' in " + m.GetDescriptor()->name() + didYouMean(name, known) + " (has: " + fieldNames(m) + ")", path);
+  return didYouMean(name, known);
+}
+
+Status unknownField(const std::string& name, const Message& m, const std::string& path) {
+  return invalidArgument("no field '" + name + "' in " + m.GetDescriptor()->name() + nearestField(name, m) + " (has: " + fieldNames(m) + ")", path);
 }
 
 Message* mapValue(Message& m, const FieldDescriptor* f, const std::string& key, bool create) {
@@ -255,7 +259,7 @@ Status setMessage(Message& m, const std::string& text, const std::string& path) 
   if (m.GetDescriptor()->full_name() != "gobo.v1.Vector3") {
     const FieldDescriptor* choice = m.GetDescriptor()->FindFieldByName(text);
     if (!choice || !choice->containing_oneof() || choice->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE)
-      return invalidArgument("is a group of fields; set one of " + fieldNames(m), path);
+      return invalidArgument("is a group of fields; set one of " + fieldNames(m) + (choice ? "" : "; '" + text + "' is none of them" + nearestField(text, m)), path);
     m.GetReflection()->MutableMessage(&m, choice);
     return {};
   }

@@ -457,6 +457,7 @@ class Mistakes(DaemonTest):
         self.assertEqual(plain, self.cli("--json", "plan", "cornell", "--set", "shadows.exponential=").stdout)
         self.refused(["is a group of fields"], "plan", "cornell", "--set", "shadows=map")
         self.refused(["is a group of fields"], "plan", "cornell", "--set", "integrator=max_bounces")
+        self.refused(["'exponental' is none of them; did you mean 'exponential'?"], "plan", "cornell", "--set", "shadows=exponental")
 
 
 class Frames(DaemonTest):
