@@ -19,11 +19,12 @@ class BouncedTransferNode final : public Node {
     t.persist = true;
     return t;
   }
-  int version() const override { return 3; }  // 2: gaps are dark; 3: rays begin nearer to the surface
+  int version() const override { return 4; }  // 2: gaps are dark; 3, 4: rays begin nearer to the surface
   void hashParameters(Hasher& h) const override { h.add(s_.points).add(s_.bands).add(bounce_).add(directions_).add(s_.seed); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 3);
-    w.over(0, s_.extent()).reads<float>(0, "position", {3}).reads<float>(0, "normal", {3}).reads<float>(0, "cell").reads<uint8_t>(0, "usable");
+    RaysOfPoints::reads(w.over(0, s_.extent()), 0);
+    w.reads<uint8_t>(0, "usable");
     w.over(1, s_.extent()).reads<float>(1, "rgb", {3}).over(2, s_.extent());
     if (bounce_ > 0) w.reads<float>(2, "last", {3 * s_.harmonics()}).reads<float>(2, "sum", {3 * s_.harmonics()});
     else w.reads<float>(2, "transfer", {s_.harmonics()});
@@ -41,7 +42,8 @@ class BouncedTransferNode final : public Node {
     const ReceiverMesh& mesh = *shared;
     GOBO_CHECK_EQ(mesh.size(), size_t(s_.size));
     const Term &points = *ctx.inputs[0], &before = *ctx.inputs[2];
-    const auto position = points.floats("position"), normal = points.floats("normal"), cell = points.floats("cell"), albedo = ctx.inputs[1]->floats("rgb");
+    const RaysOfPoints raysOf(points, *accel);
+    const auto cell = points.floats("cell"), albedo = ctx.inputs[1]->floats("rgb");
     const auto usable = points.plane<uint8_t>("usable");
     const auto last = ctx.result->writable<float>("last"), sum = ctx.result->writable<float>("sum");
     const size_t n = size_t(s_.harmonics()), m = 3 * n;
@@ -65,8 +67,7 @@ class BouncedTransferNode final : public Node {
           std::vector<float> part(m);
           for (size_t i = begin; i < end; ++i) {
             std::fill(total.begin(), total.end(), 0.0);
-            const PointRays rays(Vec3(position[3 * i], position[3 * i + 1], position[3 * i + 2]), Vec3(normal[3 * i], normal[3 * i + 1], normal[3 * i + 2]),
-                                 cell[i], accel->reach(), hash64(s_.seed ^ 0xb0c5, i));
+            const PointRays rays = raysOf.of(i, hash64(s_.seed ^ 0xb0c5, i));
             for (uint32_t from = 0; from < directions_; from += kLanes) {
               Ray ray[kLanes];
               Hit hit[kLanes];

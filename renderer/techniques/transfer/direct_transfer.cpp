@@ -12,7 +12,7 @@ class DirectTransferNode final : public Node {
  public:
   DirectTransferNode(const TransferSettings& s, uint32_t block) : s_(s), block_(block) {}
   std::string type() const override { return "direct_transfer"; }
-  int version() const override { return 2; }  // 2: rays begin nearer to the surface
+  int version() const override { return 3; }  // 2, 3: rays begin nearer to the surface
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets;
@@ -22,7 +22,7 @@ class DirectTransferNode final : public Node {
   void hashParameters(Hasher& h) const override { h.add(s_.bands).add(block_).add(s_.seed); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, block_ > 0 ? 2 : 1);
-    w.over(0, s_.extent()).reads<float>(0, "position", {3}).reads<float>(0, "normal", {3}).reads<float>(0, "cell");
+    RaysOfPoints::reads(w.over(0, s_.extent()), 0);
     if (block_ > 0) w.over(1, s_.extent()).reads<float>(1, "transfer", {s_.harmonics()});
     return w.gives({type(), Domain::List, s_.extent(), {unsetPlane<float>("transfer", s_.harmonics())}});
   }
@@ -33,7 +33,7 @@ class DirectTransferNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
-    const auto position = ctx.inputs[0]->floats("position"), normal = ctx.inputs[0]->floats("normal"), cell = ctx.inputs[0]->floats("cell");
+    const RaysOfPoints points(*ctx.inputs[0], *accel);
     const std::span<const float> before = block_ > 0 ? ctx.inputs[1]->floats("transfer") : std::span<const float>();
     const auto out = ctx.result->writable<float>("transfer");
     const size_t n = size_t(s_.harmonics());
@@ -45,8 +45,7 @@ class DirectTransferNode final : public Node {
           std::array<double, kMaxHarmonics> sum;
           for (size_t i = begin; i < end; ++i) {
             sum.fill(0.0);
-            const PointRays rays(Vec3(position[3 * i], position[3 * i + 1], position[3 * i + 2]), Vec3(normal[3 * i], normal[3 * i + 1], normal[3 * i + 2]),
-                                 cell[i], accel->reach(), hash64(s_.seed, i));
+            const PointRays rays = points.of(i, hash64(s_.seed, i));
             for (uint32_t from = 0; from < kDirections; from += kLanes) {
               Ray ray[kLanes];
               alignas(64) float x[kLanes], y[kLanes], z[kLanes], seen[kLanes];

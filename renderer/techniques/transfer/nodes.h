@@ -30,8 +30,8 @@ struct TransferSettings {
   Extent extent() const { return {int(size), 1, 1}; }
 };
 
-/// Term "transfer_points", domain List: "position" f32x3 | "normal" f32x3 | "cell" f32, the size of what is about it | "usable" u8: 0 where most rays meet back
-/// faces, inside of something.
+/// Term "transfer_points", domain List: "position" f32x3 | "normal" f32x3 | "cell" f32, the size of what is about it | "instance" u32 that it lies on |
+/// "usable" u8: 0 where most rays meet back faces, inside of something.
 NodePtr makeTransferPointsNode(const TransferSettings& settings);
 /// Term "point_albedo": "rgb" f32x3: what a point reflects of irradiance, all lobes taken for diffuse. Input: points.
 NodePtr makePointAlbedoNode(const TransferSettings& settings);

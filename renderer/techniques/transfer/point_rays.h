@@ -14,7 +14,7 @@ namespace gobo::transfer {
 
 class PointRays {
  public:
-  /// `cell`: size of what is about the point; it leaves the surface by a thousandth of that. `reach`: Accel::reach.
+  /// `cell`: size of what is about the point; it leaves the surface by a thousandth of that. `reach`: of its instance (Accel::reach).
   PointRays(const Vec3& position, const Vec3& normal, float cell, const Vec3& reach, uint64_t seed)
       : frame_(normal), origin_(offsetOrigin(position + normal * (1e-3f * cell), normal, reach)), seed_(seed) {}
   Ray at(uint32_t index) const {
@@ -37,6 +37,30 @@ class PointRays {
   Frame frame_;
   Vec3 origin_;
   uint64_t seed_;
+};
+
+/// Term "transfer_points" (nodes.h), which must outlive this.
+class RaysOfPoints {
+ public:
+  RaysOfPoints(const Term& points, const Accel& accel)
+      : position_(points.floats("position")),
+        normal_(points.floats("normal")),
+        cell_(points.floats("cell")),
+        instance_(points.plane<uint32_t>("instance")),
+        accel_(accel) {}
+  size_t size() const { return cell_.size(); }
+  Vec3 normal(size_t i) const { return Vec3(normal_[3 * i], normal_[3 * i + 1], normal_[3 * i + 2]); }
+  PointRays of(size_t i, uint64_t seed) const {
+    return {Vec3(position_[3 * i], position_[3 * i + 1], position_[3 * i + 2]), normal(i), cell_[i], accel_.reach(instance_[i]), seed};
+  }
+  static void reads(Wiring& w, size_t input) {
+    w.reads<float>(input, "position", {3}).reads<float>(input, "normal", {3}).reads<float>(input, "cell").reads<uint32_t>(input, "instance");
+  }
+
+ private:
+  std::span<const float> position_, normal_, cell_;
+  std::span<const uint32_t> instance_;
+  const Accel& accel_;
 };
 
 /// Tells who watches how far a node that is `part` of `parts` equal ones has come with its points: the share of all parts, so that it goes on from one node to

@@ -24,15 +24,16 @@ class TransferPointsNode final : public Node {
     t.persist = true;
     return t;
   }
-  // 2: triangles in strips, dense meshes thinned, gaps; 3: normals of tiny instances; 4: backs of single-sided meshes that are not closed
-  int version() const override { return 5; }
+  // 2: triangles in strips, dense meshes thinned, gaps; 3: normals of tiny instances; 4: backs of single-sided meshes that are not closed; 6: rays begin as near as the point's
+  // instance allows
+  int version() const override { return 6; }
   void hashParameters(Hasher& h) const override { h.add(s_.points).add(s_.seed); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     return Wiring(type(), in, 0)
         .gives({type(),
                 Domain::List,
                 s_.extent(),
-                {unsetPlane<float>("position", 3), unsetPlane<float>("normal", 3), unsetPlane<float>("cell"), unsetPlane<uint8_t>("usable")}});
+                {unsetPlane<float>("position", 3), unsetPlane<float>("normal", 3), unsetPlane<float>("cell"), unsetPlane<uint32_t>("instance"), unsetPlane<uint8_t>("usable")}});
   }
   size_t workingBytes() const override { return size_t(s_.size) * 64; }
   Cost cost(const TermShape&, uint32_t) const override { return {double(s_.size) * kLooks, 150.0 * s_.size * kLooks}; }
@@ -43,6 +44,7 @@ class TransferPointsNode final : public Node {
     GOBO_CHECK_EQ(mesh->size(), size_t(s_.size));
     const ReceiverMesh::Points points = mesh->points(*ctx.scene);
     const auto position = ctx.result->writable<float>("position"), normal = ctx.result->writable<float>("normal"), cell = ctx.result->writable<float>("cell");
+    const auto instance = ctx.result->writable<uint32_t>("instance");
     const auto usable = ctx.result->writable<uint8_t>("usable");
     const bool complete = ctx.arena->parallelFor(
         s_.size, 64,
@@ -53,7 +55,8 @@ class TransferPointsNode final : public Node {
               normal[3 * i + k] = points.normal[i][int(k)];
             }
             cell[i] = points.cell[i];
-            const PointRays rays(points.position[i], points.normal[i], points.cell[i], accel->reach(), hash64(s_.seed ^ 0x1ff5, i));
+            instance[i] = points.instance[i];
+            const PointRays rays(points.position[i], points.normal[i], points.cell[i], accel->reach(points.instance[i]), hash64(s_.seed ^ 0x1ff5, i));
             uint32_t behind = 0, near = 0;
             for (uint32_t from = 0; from < kLooks; from += kLanes) {
               Ray ray[kLanes];

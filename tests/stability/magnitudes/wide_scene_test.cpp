@@ -62,6 +62,34 @@ TEST(WideScene, SmallThingsHaveTheirShadows) {
   }
 }
 
+// Points of precomputed transfer are steps off their own instance too: a ceiling 2 cm above a floor lets no sky in, however wide the ground far below.
+TEST(WideScene, TransferSeesWhatIsNearItsPoints) {
+  const auto engine = makeEngine();
+  const auto underCeiling = [&](float height) {
+    tests::SceneMaker m;
+    const int grey = m.material(Vec3(0.5f));
+    m.instance(m.mesh(tests::ground(1.0f), grey));
+    m.instance(m.mesh(tests::ground(1e5f, -5), grey));
+    m.instance(m.mesh(tests::box(Vec3(-3, height, -3), Vec3(3, height + 0.001f, 3)), grey));
+    m.camera(Vec3(0, 1, 0), Vec3(0.0f));
+    v1::RenderRequest r = smallRequest("by hand", 8, 8, 4);
+    for (const char* field : {"integrator.max_bounces=1", "environment.constant=1,1,1", "environment.transfer.points=2000", "camera.position=0,0.01,0",
+                              "camera.look_at=0,0,0", "camera.up=0,0,-1", "camera.orthographic_height=1"})
+      set(r, field);
+    RenderControl control;
+    control.scene = m.finish();
+    const Result<RenderResult> result = engine->render(r, control);
+    EXPECT_TRUE(result.ok()) << result.status().toString() << "\n" << messageToJson(r, false);
+    if (!result.ok()) return -1.0;
+    double sum = 0;
+    for (const float v : result->images[0].image().data) sum += v;
+    return sum / double(result->images[0].image().data.size());
+  };
+  const double open = underCeiling(1000.0f);
+  EXPECT_GT(open, 0.45);
+  EXPECT_LT(underCeiling(0.02f), 0.02 * open);
+}
+
 // A ball flattened by a scale of 0 has two layers: rays that leave one of them must be past the other.
 TEST(WideScene, FlatNodesDoNotShadeThemselves) {
   const auto engine = makeEngine();

@@ -101,10 +101,10 @@ std::vector<HaarTerm> haarLight(const HaarCells& cells, const Environment& map, 
 Result<HaarTransfer> HaarTransfer::of(const HaarCells& cells, const Term& points, const Accel& accel, double drop, const TaskArena& arena,
                                       const StopToken& stop) {
   if (!(drop >= 0 && drop < 1)) return invalidArgument("Haar transfer: drops terms below " + std::to_string(drop) + " of the norm; 0 to 1");
-  const auto position = points.floats("position"), normal = points.floats("normal"), cell = points.floats("cell");
+  const RaysOfPoints leaving(points, accel);
   const CubeWavelets& wavelets = cells.wavelets();
   HaarTransfer out;
-  out.points_ = cell.size();
+  out.points_ = leaving.size();
   struct Kept {
     uint16_t wavelet;
     float value;
@@ -116,8 +116,8 @@ Result<HaarTransfer> HaarTransfer::of(const HaarCells& cells, const Term& points
       [&](size_t begin, size_t end) {
         std::vector<double> value(wavelets.size());
         for (size_t p = begin; p < end; ++p) {
-          const Vec3 n(normal[3 * p], normal[3 * p + 1], normal[3 * p + 2]);
-          const PointRays from(Vec3(position[3 * p], position[3 * p + 1], position[3 * p + 2]), n, cell[p], accel.reach(), 0);
+          const Vec3 n = leaving.normal(p);
+          const PointRays from = leaving.of(p, 0);
           std::fill(value.begin(), value.end(), 0.0);
           Ray ray[kLanes];
           size_t of[kLanes];

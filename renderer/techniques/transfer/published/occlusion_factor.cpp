@@ -73,7 +73,7 @@ std::vector<DVec3> publishedIrradiance(const std::vector<double>& harmonics, con
             double visible = 0;
             if (glm::dot(geometric, light.direction) > 0) {
               Ray ray;
-              ray.origin = offsetOrigin(vectorAt(P, i), Vec3(geometric), accel.reach());
+              ray.origin = offsetOrigin(vectorAt(P, i), Vec3(geometric), accel.reach(instance[i]));
               ray.direction = glm::normalize(Vec3(light.direction));
               visible = accel.occluded(ray) ? 0.0 : 1.0;
             }
