@@ -554,12 +554,6 @@ FileTree::~FileTree() {
   fs::remove_all(folder_, ignored);
 }
 
-std::string FileTree::withoutPlace(std::string text) const {
-  const std::string place = folder_ + "/";
-  for (size_t at; (at = text.find(place)) != std::string::npos;) text.erase(at, place.size());
-  return text;
-}
-
 Result<std::shared_ptr<const FileTree>> FileStore::environment(const std::string& owner, const std::string& sha256, const std::string& field, std::string& path,
                                                                const StopToken& stop) {
   GOBO_TRY(checkSha256(sha256, field));

@@ -51,8 +51,6 @@ class FileTree {
   const std::string& folder() const { return folder_; }
   const std::string& key() const { return key_; }  ///< 64 hex digits: of owner, names and digests
   std::string path(const std::string& name) const { return folder_ + "/" + name; }
-  /// A message of a reader of these files without the folder's place.
-  std::string withoutPlace(std::string text) const;
 
  private:
   friend class FileStore;

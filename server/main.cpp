@@ -89,9 +89,10 @@ void reload(gobo::Server& server, const Flags& flags) {
   gobo::notifyManager("READY=1");
 }
 
+/// 4: an address, a store or a database cannot be had just now; 2: not with this configuration.
 int fail(const gobo::Status& status) {
   std::fprintf(stderr, "gobod: %s\n", gobo::escaped(status.toString()).c_str());
-  return status.code() == gobo::Code::Unavailable || status.code() == gobo::Code::FailedPrecondition ? 4 : 2;
+  return status.code() == gobo::Code::Unavailable ? 4 : 2;
 }
 
 }  // namespace
@@ -130,7 +131,8 @@ int main(int argc, char** argv) {
       "between them), GOBO_CONFIG, GOBO_CACHE, GOBO_STORE, GOBO_THREADS, GOBO_LOG, GOBO_LOG_FORMAT, GOBO_HTTP, GOBO_WEB, GOBO_TMP,\n"
       "GOBO_JOBS_STORE, GOBO_WORKER, GOBO_WORKER_NAME. A worker without --listen has no socket of its own.\n"
       "SIGTERM and SIGINT drain: running renders finish (scheduler.drain_s), a\n"
-      "second signal ends at once. SIGHUP reads the configuration again. Exit codes: 0 ok, 2 bad configuration, 4 address in use.");
+      "second signal ends at once. SIGHUP reads the configuration again. Exit codes: 0 ok, 1 what ran did not end,\n"
+      "2 bad configuration, 4 an address or the jobs' database cannot be had.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) { return app.exit(e) == 0 ? said() : 2; }

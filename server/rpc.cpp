@@ -11,13 +11,27 @@
 namespace gobo {
 inline namespace server {
 
+namespace {
+
+constexpr size_t kMostOfTrailers = 6000;  // of 8 KiB, which request id, retry info and names of the fields share
+
+/// A text is in the trailers twice: percent-encoded (grpc-message) and as it is (grpc-status-details-bin).
+size_t inTrailers(char c) { return c >= 0x20 && c < 0x7f && c != '%' ? 2 : 4; }
+std::string fitting(const std::string& text, size_t most) {
+  size_t bytes = 0, at = 0;
+  while (at < text.size() && (bytes += inTrailers(text[at])) <= most) ++at;
+  if (at == text.size()) return text;
+  while (at > 0 && (static_cast<unsigned char>(text[at]) & 0xc0) == 0x80) --at;  // characters stay whole
+  return text.substr(0, at) + "...";
+}
+
+}  // namespace
+
 grpc::Status toGrpc(const Status& status) {
   if (status.ok()) return grpc::Status::OK;
-  std::string text = status.message();
-  if (!status.location().empty()) text += " (at " + status.location() + ")";
-  constexpr size_t limit = 4096;
-  if (text.size() > limit) text.replace(limit - 3, std::string::npos, "...");
-  return {grpc::StatusCode(int(status.code())), escaped(text)};
+  std::string text = fitting(escaped(status.message()), kMostOfTrailers / 4 * 3);
+  if (!status.location().empty()) text += " (at " + fitting(escaped(status.location()), kMostOfTrailers / 4) + ")";
+  return {grpc::StatusCode(int(status.code())), text};
 }
 
 grpc::Status busy(grpc::ServerContext& context, const std::string& what, double retryAfterMs) {

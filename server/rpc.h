@@ -16,7 +16,8 @@
 namespace gobo {
 inline namespace server {
 
-/// Code and "message (at location)", cut to 4 KiB so that it fits into HTTP/2 trailers.
+/// Code and "message (at location)", cut so that it fits into HTTP/2 trailers: a client that gets more than 8 KiB of them sees RESOURCE_EXHAUSTED in the
+/// place of any code. The location is kept where the message is long.
 grpc::Status toGrpc(const Status& status);
 /// RESOURCE_EXHAUSTED that may pass: trailing metadata "retry-after-ms" and the same in the message.
 grpc::Status busy(grpc::ServerContext& context, const std::string& what, double retryAfterMs);

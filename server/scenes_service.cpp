@@ -8,6 +8,7 @@
 #include "server/file_store.h"
 #include "server/jobs/durable_jobs.h"
 #include "server/limits.h"
+#include "server/scratch.h"
 #include "server/upload.h"
 
 namespace gobo {
@@ -74,8 +75,7 @@ grpc::Status ScenesService::openFiles(Rpc& rpc, ServerCore::Call& call, const v1
   return gated(rpc, call, reply, [&](const StopToken& stop) -> Result<v1::SceneInfo> {
     auto opened = core_.engine.openUploaded(held->path(request.source()), source, request.name(), stop, rpc.access(),
                                             {request.share().begin(), request.share().end()}, held);
-    if (opened.ok()) return opened;
-    return Status(opened.status().code(), held->withoutPlace(opened.status().message()), held->withoutPlace(opened.status().location()));
+    return opened.ok() ? opened : withoutFolder(opened.status(), held->folder());
   });
 }
 
@@ -126,7 +126,10 @@ grpc::Status ScenesService::upload(Rpc& rpc, grpc::ServerReader<v1::UploadSceneR
     const Status kept = core_.durable->keepUpload(file.path(), file.digest() + std::filesystem::path(file.path()).extension().string());
     if (!kept.ok()) return toGrpc(kept);
   }
-  return gated(rpc, call, reply, [&](const StopToken& stop) { return core_.engine.openUploaded(file.path(), source, name, stop, rpc.access(), share); });
+  return gated(rpc, call, reply, [&](const StopToken& stop) -> Result<v1::SceneInfo> {
+    auto opened = core_.engine.openUploaded(file.path(), source, name, stop, rpc.access(), share);
+    return opened.ok() ? opened : withoutFolder(opened.status(), std::filesystem::path(file.path()).parent_path().string());
+  });
 }
 
 grpc::Status ScenesService::List(grpc::ServerContext* context, const v1::ListScenesRequest*, v1::ListScenesReply* reply) {

@@ -110,5 +110,13 @@ Result<bool> removeIfAbandoned(const std::string& folder, const std::string& pre
   return scratchError("remove", folder, errno);
 }
 
+Status withoutFolder(const Status& status, const std::string& folder) {
+  const auto without = [place = folder + "/"](std::string text) {
+    for (size_t at; (at = text.find(place)) != std::string::npos;) text.erase(at, place.size());
+    return text;
+  };
+  return {status.code(), without(status.message()), without(status.location())};
+}
+
 }  // namespace server
 }  // namespace gobo

@@ -37,6 +37,9 @@ class ScratchFolder {
   gobo::Descriptor lock_;
 };
 
+/// What a reader of files below `folder` said, for a client: names relative to it, since where the daemon keeps them is its own business.
+Status withoutFolder(const Status& status, const std::string& folder);
+
 /// Removes a folder of a ScratchFolder whose process is gone. False: it lives, nobody can tell for want of a lock file, or the name is none that make() gives.
 /// Errors: naming the path.
 Result<bool> removeIfAbandoned(const std::string& folder, const std::string& prefix);

@@ -27,7 +27,7 @@ Result<SocketLock> SocketLock::take(const std::string& socketPath, std::chrono::
     if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
       lock.path_.clear();  // another's: not to be removed
       if (errno == EWOULDBLOCK) {
-        if (std::chrono::steady_clock::now() > until) return Status(Code::FailedPrecondition, "another server holds \"" + socketPath + "\"");
+        if (std::chrono::steady_clock::now() > until) return Status(Code::Unavailable, "another server holds \"" + socketPath + "\"");
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
         continue;
       }
@@ -62,7 +62,7 @@ Status claimSocketPath(const std::string& path) {
     if (errno == ENOENT) return {};
     return {Code::Unavailable, "cannot use socket \"" + path + "\": " + std::strerror(errno)};
   }
-  if (!S_ISSOCK(info.st_mode)) return {Code::FailedPrecondition, "\"" + path + "\" exists and is not a socket"};
+  if (!S_ISSOCK(info.st_mode)) return {Code::Unavailable, "\"" + path + "\" exists and is not a socket"};
   const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (fd < 0) return internalError(std::string("socket: ") + std::strerror(errno));
   sockaddr_un address{};
@@ -76,7 +76,7 @@ Status claimSocketPath(const std::string& path) {
     if (::unlink(path.c_str()) == 0 || errno == ENOENT) return {};
     return {Code::Unavailable, "cannot remove stale socket \"" + path + "\": " + std::strerror(errno)};
   }
-  if (connected == 0 || error == EAGAIN) return {Code::FailedPrecondition, "another server is listening on \"" + path + "\""};
+  if (connected == 0 || error == EAGAIN) return {Code::Unavailable, "another server is listening on \"" + path + "\""};
   return {Code::Unavailable, "cannot use socket \"" + path + "\": " + std::strerror(error)};
 }
 

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "base/closest.h"
+#include "base/utf8.h"
 #include "measurement/provenance.h"
 #include "server/log.h"
 
@@ -28,10 +29,18 @@ constexpr const char* kOutputsHelp =
 
 constexpr const char* kPlanAllHelp = "show every row of the plan; by default rows of one kind are one";
 
+/// What goes into messages must be UTF-8: protobuf sends anything and its receiver cannot read it. Names of files may be any bytes; those that are sent are
+/// looked at where they are (session.cpp).
+CLI::Validator utf8() {
+  return CLI::Validator([](std::string& text) -> std::string { return isUtf8(text) ? "" : "is not UTF-8: " + cleanUtf8(text); }, "");
+}
+
 /// Only explicit type names: CLI11 would print "TEXT" and "UINT".
 template <typename T>
 CLI::Option* value(CLI::App& app, const std::string& names, T& target, const std::string& type, const std::string& help) {
-  return app.add_option(names, target, help)->type_name(type);
+  CLI::Option* option = app.add_option(names, target, help)->type_name(type);
+  if (type != "FILE" && type != "FOLDER" && type != "SCENE" && type != "PATH") option->check(utf8());
+  return option;
 }
 
 /// For options of real numbers. CLI11's own compare with < and >, which not-a-number passes, and print bounds of 309 digits.

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // gobo: the command line client of gobod. `gobo man` and docs/protocol.md describe commands, exit codes and --set.
+#include <unistd.h>
+
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -9,9 +11,12 @@
 
 /// The exit code once all that was said is written: a full disk must not look like a success.
 static int finished(int code) {
-  const bool written = std::fflush(stdout) == 0 && !std::ferror(stdout);
+  const bool earlier = std::ferror(stdout);
+  errno = 0;
+  const bool written = std::fflush(stdout) == 0 && !earlier;
   if (written && std::cout.flush()) return code;
-  std::fprintf(stderr, "gobo: cannot write to standard output: %s\n", std::strerror(errno));
+  if (earlier && ::write(STDOUT_FILENO, "\n", 1) == 1) errno = 0;  // why it failed then: what follows most likely fails alike
+  std::fprintf(stderr, "gobo: cannot write to standard output%s%s\n", errno ? ": " : "", errno ? std::strerror(errno) : "");
   return code == gobo::cli::kOk ? int(gobo::cli::kFailure) : code;
 }
 

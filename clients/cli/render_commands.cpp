@@ -6,6 +6,7 @@
 #include <set>
 
 #include "base/image_io.h"
+#include "base/utf8.h"
 #include "blobs.h"
 #include "commands.h"
 #include "pictures.h"
@@ -93,11 +94,13 @@ Result<v1::RenderRequest> describedBy(const RequestOptions& o) {
   if (!o.environment.empty()) {
     std::error_code error;
     const bool file = fs::is_regular_file(o.environment, error);
+    const std::string path = file ? fs::absolute(o.environment).string() : o.environment;
+    if (!isUtf8(path)) return invalidArgument("--env: the name is not UTF-8: \"" + cleanUtf8(path) + "\"");
     v1::EnvironmentSettings& e = *request.mutable_environment();  // what a request from a file says of it is another kind, perhaps
     e.clear_digest();
     e.clear_sky();
     e.clear_constant();
-    e.set_path(file ? fs::absolute(o.environment).string() : o.environment);
+    e.set_path(path);
   }
   if (!o.outputs.empty()) GOBO_TRY(setPath(request, "outputs=" + o.outputs));
   if (!o.denoise.empty()) GOBO_TRY(setPath(request, "denoise=" + o.denoise).at("--denoise " + o.denoise));

@@ -19,6 +19,7 @@
 #include <grpc/grpc.h>
 
 #include "base/image_io.h"
+#include "base/utf8.h"
 #include "server/dial.h"
 #include "server/encode.h"
 
@@ -201,7 +202,7 @@ Status Session::statusOf(const grpc::Status& status) const {
       return notFound("no such file: \"" + path + "\"" + (local() ? "" : ", neither here nor in a folder that the server may read"));
   }
   if (code == Code::Unimplemented && status.error_message().empty()) return {code, "the server does not know this call: it is another version"};
-  return {code, status.error_message()};
+  return {code, status.error_message().empty() ? "no reason was given" : status.error_message()};
 }
 
 namespace {
@@ -246,14 +247,16 @@ Result<v1::SceneInfo> upload(Session& session, const std::string& file, const st
 }  // namespace
 
 Result<v1::SceneInfo> openScene(Session& session, const std::string& source, const std::string& name) {
+  if (!isUtf8(source)) return invalidArgument("the name of the scene is not UTF-8: \"" + cleanUtf8(source) + "\"");
   std::error_code error;
   const bool file = fs::is_regular_file(source, error);
+  const std::string absolute = file ? fs::absolute(source).string() : source;
   v1::OpenSceneRequest request;
-  request.set_source(file ? fs::absolute(source).string() : source);
+  request.set_source(isUtf8(absolute) ? absolute : source);
   request.set_name(name);
   v1::SceneInfo info;
-  Status status;
-  {
+  Status status(Code::NotFound, "the name of its folder is not UTF-8");  // no message can hold it, but the files may be sent
+  if (isUtf8(absolute) || session.local()) {
     Session::Call call(session);
     status = session.statusOf(session.scenes().Open(&call.context, request, &info));
   }
@@ -272,6 +275,7 @@ Result<v1::SceneInfo> openScene(Session& session, const std::string& source, con
 Result<std::string> ensureScene(Session& session, const std::string& source) {
   std::error_code error;
   if (!fs::is_regular_file(source, error)) {
+    if (!isUtf8(source)) return notFound("no such file: \"" + cleanUtf8(source) + "\"");
     const std::string extension = fs::path(source).extension().string();
     if (source.find('/') == std::string::npos && extension != ".gltf" && extension != ".glb") return source;
     // It looks like a file, but may be the id of a scene that the server has.

@@ -41,5 +41,17 @@ std::string didYouMean(std::string_view name, const std::vector<std::string>& kn
   return best.empty() ? "" : "; did you mean '" + best + "'?";
 }
 
+std::string someOf(const std::vector<std::string>& names) {
+  constexpr size_t kMost = 300;
+  std::string out;
+  for (const std::string& name : names) {
+    if (out.size() > kMost) return out + ", ...";
+    size_t end = std::min(name.size(), kMost);
+    while (end < name.size() && end > 0 && (static_cast<unsigned char>(name[end]) & 0xc0) == 0x80) --end;  // characters stay whole
+    out += (out.empty() ? "" : ", ") + name.substr(0, end) + (end < name.size() ? "..." : "");
+  }
+  return out.empty() ? "none" : out;
+}
+
 }  // namespace base
 }  // namespace gobo

@@ -17,5 +17,8 @@ std::string closest(std::string_view name, const std::vector<std::string>& known
 /// "; did you mean 'X'?", or nothing.
 std::string didYouMean(std::string_view name, const std::vector<std::string>& known);
 
+/// "a, b, c": the names that there are, for an error; of many the first 300 characters or so, and ", ...". "none" of none.
+std::string someOf(const std::vector<std::string>& names);
+
 }  // namespace base
 }  // namespace gobo

@@ -17,6 +17,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <system_error>
 
 #include "base/exr_streams.h"
 
@@ -47,7 +48,7 @@ class TiledExr::FileWriter final : public Imf::OStream {
  private:
   void fail(const char* what) {
     error_ = errno ? errno : EIO;
-    throw std::runtime_error(std::string("cannot ") + what + " " + fileName() + ": " + std::strerror(error_));
+    throw std::system_error(error_, std::generic_category(), std::string("cannot ") + what + " " + fileName());
   }
   FILE* file_;
   int error_ = 0;
@@ -129,7 +130,14 @@ Status TiledExr::add(std::span<const uint8_t> exr) {
     to.file->writeTile(tx, ty);
     to.written[at] = true;
     return {};
-  } catch (const std::exception& e) { return Status(Code::Internal, std::string("cannot write a tile: ") + e.what(), impl_->path); }
+  } catch (const std::system_error& e) {
+    errno = e.code().value();
+    return ioError("cannot write file", impl_->path);
+  } catch (const std::exception& e) {
+    errno = impl_->stream ? impl_->stream->error() : 0;  // OpenEXR throws what it makes of the stream's
+    if (errno != 0) return ioError("cannot write file", impl_->path);
+    return Status(Code::Internal, std::string("cannot write a tile: ") + e.what(), impl_->path);
+  }
 }
 
 Status TiledExr::finish() {

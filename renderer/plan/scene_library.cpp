@@ -344,11 +344,10 @@ Status SceneLibrary::unknown(const std::string& id, const SceneAccess& access) c
   for (const auto& [name, entry] : scenes_)
     if (access.uses(entry.owner, entry.share)) known.insert(name);
   if (isGoneForGood(id)) known.erase(id);
-  std::string names;
-  for (const std::string& name : known) names += (names.empty() ? "" : ", ") + name;
-  const std::string meant = didYouMean(id, {known.begin(), known.end()});
+  const std::vector<std::string> names(known.begin(), known.end());
+  const std::string meant = didYouMean(id, names);
   const auto went = std::find_if(gone_.rbegin(), gone_.rend(), [&](const Gone& g) { return g.id == id && access.uses(g.owner, g.share); });
-  return notFound("no scene '" + id + "'" + (went != gone_.rend() ? ", which was unloaded " + went->why + ": open it again" : meant) + " (has: " + names + ")",
+  return notFound("no scene '" + id + "'" + (went != gone_.rend() ? ", which was unloaded " + went->why + ": open it again" : meant) + " (has: " + someOf(names) + ")",
                   "request.scene");
 }
 

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <unordered_map>
 
+#include "base/closest.h"
 #include "scene/coordinates.h"
 #include "scene/edit.h"
 #include "scene/environment_tents.h"
@@ -145,9 +146,9 @@ Result<Camera> effectiveCamera(const Scene& scene, const v1::RenderRequest& requ
   if (settings.has_name() && !settings.name().empty()) {
     index = scene.findCamera(settings.name());
     if (index < 0) {
-      std::string names;
-      for (const Camera& c : scene.cameras) names += (names.empty() ? "" : ", ") + c.name;
-      return notFound("no camera '" + settings.name() + "' (has: " + names + ")", "request.camera.name");
+      std::vector<std::string> names;
+      for (const Camera& c : scene.cameras) names.push_back(c.name);
+      return notFound("no camera '" + settings.name() + "'" + didYouMean(settings.name(), names) + " (has: " + someOf(names) + ")", "request.camera.name");
     }
   }
   Camera camera = scene.cameras[index];
@@ -359,15 +360,9 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
     if (index < 0 && name == "environment" && scene->environment) continue;  // its light appears at seal()
     if (index < 0) {
       if (edit->kind() == v1::LightEdit::KIND_UNSPECIFIED) {
-        std::string names;
-        for (const Light& l : scene->lights) {
-          if (names.size() > 300) {
-            names += ", ...";
-            break;
-          }
-          names += (names.empty() ? "" : ", ") + l.name;
-        }
-        return notFound("no light '" + name + "' in the scene (has: " + names + "); give `kind` to add one", path);
+        std::vector<std::string> names;
+        for (const Light& l : scene->lights) names.push_back(l.name);
+        return notFound("no light '" + name + "' in the scene" + didYouMean(name, names) + " (has: " + someOf(names) + "); give `kind` to add one", path);
       }
       Light added;
       added.name = name;

@@ -34,13 +34,8 @@ std::string editPlace(const std::string& name) { return "request.meshes." + name
 
 Status unknownObject(const Scene& scene, const std::string& name) {
   std::vector<std::string> known;
-  std::string names;
-  for (const Instance& i : scene.instances) {
-    known.push_back(i.name);
-    if (names.size() < 300) names += (names.empty() ? "" : ", ") + i.name;
-    else if (!names.ends_with("...")) names += ", ...";
-  }
-  return notFound("no object '" + name + "' in the scene" + didYouMean(name, known) + " (has: " + (names.empty() ? "none" : names) + ")", editPlace(name));
+  for (const Instance& i : scene.instances) known.push_back(i.name);
+  return notFound("no object '" + name + "' in the scene" + didYouMean(name, known) + " (has: " + someOf(known) + ")", editPlace(name));
 }
 
 Result<MeshFilter> filterOf(const v1::MeshEdit& e, const std::string& place) {

@@ -3,6 +3,7 @@
 // that its animation does not move keeps its edit.
 #include <algorithm>
 
+#include "base/closest.h"
 #include "scene/edit.h"
 #include "scene/rig_sample.h"
 #include "scene/scene.h"
@@ -63,12 +64,9 @@ Status applyPose(const Rig& rig, const RigPose* rest, const RigPose& pose, Scene
 
 template <typename Items, typename Name>
 std::string listed(const Items& items, Name name) {
-  std::string out;
-  for (const auto& item : items) {
-    if (out.size() > 300) return out + ", ...";
-    out += (out.empty() ? "" : ", ") + std::string(name(item));
-  }
-  return out.empty() ? "none" : out;
+  std::vector<std::string> names;
+  for (const auto& item : items) names.emplace_back(name(item));
+  return someOf(names);
 }
 
 }  // namespace

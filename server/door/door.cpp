@@ -12,11 +12,13 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <initializer_list>
 #include <list>
 #include <optional>
 #include <string_view>
 #include <thread>
 
+#include "base/closest.h"
 #include "base/descriptor.h"
 #include "gobo/v1/farm.grpc.pb.h"
 #include "gobo/v1/jobs.grpc.pb.h"
@@ -97,6 +99,29 @@ std::optional<uint64_t> queryNumber(MHD_Connection* connection, const char* name
   const char* text = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, name);
   if (!text || !*text || std::strlen(text) > 18 || std::strspn(text, "0123456789") != std::strlen(text)) return std::nullopt;
   return std::strtoull(text, nullptr, 10);
+}
+
+/// A query with a name that `path` does not know, or with one twice, is an error: misspelt, it would be another picture, and nobody told.
+grpc::Status checkQuery(MHD_Connection* connection, std::initializer_list<std::string_view> known) {
+  struct Found {
+    std::initializer_list<std::string_view> known;
+    std::vector<std::string> names;
+    std::string strange;
+  } found{known, {}, {}};
+  const auto look = [](void* self, MHD_ValueKind, const char* key, const char*) -> MHD_Result {
+    Found& f = *static_cast<Found*>(self);
+    const std::string name = key ? key : "";
+    const bool twice = std::find(f.names.begin(), f.names.end(), name) != f.names.end();
+    if (!twice && std::find(f.known.begin(), f.known.end(), name) != f.known.end()) {
+      f.names.push_back(name);
+      return MHD_YES;
+    }
+    f.strange = "the address's query: '" + escaped(name.substr(0, 80)) + "' " + (twice ? "stands in it twice" : "is not known here");
+    if (!twice) f.strange += f.known.size() == 0 ? ", which takes none" : didYouMean(name, {f.known.begin(), f.known.end()});
+    return MHD_NO;
+  };
+  MHD_get_connection_values(connection, MHD_GET_ARGUMENT_KIND, look, &found);
+  return found.strange.empty() ? grpc::Status::OK : grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, found.strange);
 }
 
 const std::string kBlobsPath = "/v1/blobs/";
@@ -502,8 +527,20 @@ struct Door::Impl {
     return status;
   }
 
+  /// "/v1/scenes/ID/patch" -> ID; nothing of any other.
+  static std::string patchedScene(const std::string& path) {
+    constexpr std::string_view before = "/v1/scenes/", after = "/patch";
+    const bool patch = path.size() > before.size() + after.size() && path.starts_with(before) && path.ends_with(after);
+    return patch ? path.substr(before.size(), path.size() - before.size() - after.size()) : "";
+  }
+  static bool takesPosts(const std::string& path) {
+    constexpr const char* kPaths[] = {"/v1/render", "/v1/render/stream", "/v1/relight", "/v1/relight/stream", "/v1/plan", "/v1/scenes"};
+    return std::find(std::begin(kPaths), std::end(kPaths), path) != std::end(kPaths) || !patchedScene(path).empty();
+  }
+
   MHD_Result post(MHD_Connection* connection, const std::string& path, Exchange& exchange) {
     if (const grpc::Status known = checkSecret(connection); !known.ok()) return fail(connection, known);
+    if (!takesPosts(path)) return fail(connection, grpc::StatusCode::NOT_FOUND, "nothing to POST to at " + path.substr(0, 200) + " (docs/live.md)");
     // A form of somebody else's page cannot send this type without asking first.
     const char* type = headerOf(connection, MHD_HTTP_HEADER_CONTENT_TYPE);
     if (!type || std::string(type).rfind("application/json", 0) != 0)
@@ -540,19 +577,14 @@ struct Door::Impl {
       if (const grpc::Status read = parse(exchange, request); !read.ok()) return fail(connection, read);
       return unary<v1::SceneInfo>(connection, [&](auto* context, auto* queue) { return scenes->AsyncOpen(context, request, queue); });
     }
-    const std::string scenesPath = "/v1/scenes/", patchPath = "/patch";
-    if (path.size() > scenesPath.size() + patchPath.size() && path.rfind(scenesPath, 0) == 0 &&
-        path.compare(path.size() - patchPath.size(), patchPath.size(), patchPath) == 0) {
-      v1::PatchSceneRequest request;
-      if (const grpc::Status read = parse(exchange, request); !read.ok()) return fail(connection, read);
-      const std::string id = path.substr(scenesPath.size(), path.size() - scenesPath.size() - patchPath.size());
-      if (!request.scene().empty() && request.scene() != id)
-        return fail(connection, grpc::StatusCode::INVALID_ARGUMENT,
-                    "patch.scene = \"" + escaped(request.scene().substr(0, 80)) + "\": the address says another one");
-      request.set_scene(id);
-      return unary<v1::SceneInfo>(connection, [&](auto* context, auto* queue) { return scenes->AsyncPatch(context, request, queue); });
-    }
-    return fail(connection, grpc::StatusCode::NOT_FOUND, "nothing to POST to at " + path.substr(0, 200) + " (docs/live.md)");
+    v1::PatchSceneRequest request;
+    if (const grpc::Status read = parse(exchange, request); !read.ok()) return fail(connection, read);
+    const std::string id = patchedScene(path);
+    if (!request.scene().empty() && request.scene() != id)
+      return fail(connection, grpc::StatusCode::INVALID_ARGUMENT,
+                  "patch.scene = \"" + escaped(request.scene().substr(0, 80)) + "\": the address says another one");
+    request.set_scene(id);
+    return unary<v1::SceneInfo>(connection, [&](auto* context, auto* queue) { return scenes->AsyncPatch(context, request, queue); });
   }
 
   static MHD_Result answer(void* self, MHD_Connection* connection, const char* url, const char* method, const char*, const char* data, size_t* bytes,
@@ -564,6 +596,7 @@ struct Door::Impl {
       grpc::Status admitted = impl.admit(connection);
       const std::string path = url;
       if (impl.gltf && path == kGltfPath && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
+        if (admitted.ok()) admitted = checkQuery(connection, {"request"});
         if (!admitted.ok()) return impl.plain(connection, admitted);
         try {
           GltfAnswer begun = impl.beginForm(connection, *exchange);
@@ -574,8 +607,10 @@ struct Door::Impl {
       }
       if (admitted.ok() && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
         try {
-          if (path.rfind(kBlobsPath, 0) == 0) admitted = impl.beginPut(connection, path.substr(kBlobsPath.size()), *exchange);
-          else impl.beginBody(connection, *exchange);
+          const bool blob = path.rfind(kBlobsPath, 0) == 0;
+          admitted = blob ? checkQuery(connection, {"bytes", "offset"}) : checkQuery(connection, {});
+          if (admitted.ok() && blob) admitted = impl.beginPut(connection, path.substr(kBlobsPath.size()), *exchange);
+          else if (admitted.ok()) impl.beginBody(connection, *exchange);
         } catch (const std::exception& e) { admitted = {grpc::StatusCode::INTERNAL, std::string("exception in the door: ") + e.what()}; }
       }
       return admitted.ok() ? MHD_YES : impl.fail(connection, admitted);

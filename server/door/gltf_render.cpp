@@ -331,6 +331,7 @@ GltfAnswer GltfRenderer::loaded(const GltfCaller& caller, GltfForm& form, std::s
       GltfAnswer answer = refusal(status, retryMs);
       answer.body = "scene: " + answer.body;
       if (status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED && retryMs == 0) answer.status = MHD_HTTP_CONTENT_TOO_LARGE;
+      if (status.error_code() == grpc::StatusCode::NOT_FOUND) answer.status = MHD_HTTP_BAD_REQUEST;  // a file that the scene names
       return answer;
     }
     while (Clock::now() < next) {

@@ -6,7 +6,8 @@ import signal
 import subprocess
 import unittest
 
-from support import CLI, JobsTest
+import gobo
+from support import CLI, JobsTest, gltf
 
 GOBOD = os.environ["GOBO_GOBOD"]
 
@@ -70,6 +71,46 @@ class Words(JobsTest):
                 done = subprocess.run([GOBOD, word], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
             self.assertEqual((word, done.returncode), (word, 1))
             self.assertIn("gobod: cannot write to standard output", done.stderr)
+
+    def test_names_that_are_not_utf8(self):
+        folder = os.fsencode(self.path("d")) + b"\xff"
+        os.mkdir(folder)
+        with open(os.path.join(folder, b"s.glb"), "wb") as file:
+            file.write(gobo.glb.pack(gltf(self.folder)))
+        os.symlink(os.path.join(folder, b"s.glb"), os.path.join(folder, b"n\xff.glb"))
+        env = {**os.environ, "GOBO_SERVER": self.client.address}
+        picture = [b"--size", b"8x8", b"--spp", b"1", b"-q", b"-o"]
+
+        def ran(*words):
+            return subprocess.run([os.fsencode(CLI), *words], cwd=folder, capture_output=True, timeout=60, env=env, check=False)
+
+        for place in ((), (b"--local",)):
+            done = ran(*place, b"render", b"s.glb", *picture, b"a\xff.exr")
+            self.assertEqual((done.returncode, b"UTF-8" in done.stderr), (0, False), done.stderr)
+            os.remove(os.path.join(folder, b"a\xff.exr"))
+            for words in ((b"render", b"n\xff.glb"), (b"render", b"cornell", b"--camera", b"\xff"), (b"render", b"cornell", b"--set", b"lights.\xff.gain=1"),
+                          (b"render", b"cornell", b"--env", b"n\xff.glb"), (b"load", b"n\xff.glb"), (b"inspect", b"\xff"), (b"load", b"s.glb", b"--name", b"\xff")):
+                done = ran(*place, *words, *(picture + [b"b.exr"] if words[0] == b"render" else []))
+                self.assertEqual((words, done.returncode), (words, 2), done.stderr)
+                self.assertIn(b"UTF-8", done.stderr)
+                self.assertIn(b"\\xff", done.stderr)
+                self.assertNotIn(b"libprotobuf", done.stderr)
+        self.assertEqual(ran(b"render", b"none\xff.glb", *picture, b"b.exr").returncode, 3)
+        self.assertFalse(os.path.exists(os.path.join(folder, b"b.exr")))
+
+    def test_a_picture_that_does_not_fit_is_one_failure_in_parts_or_whole(self):
+        def little():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+
+        for more in ((), ("--tile", "32")):
+            done = subprocess.run([CLI, "render", "cornell", "--size", "96x64", "--spp", "1", *more, "-o", self.path("fits_not.exr")], capture_output=True, text=True,
+                                  timeout=60, preexec_fn=little, env={**os.environ, "GOBO_SERVER": self.client.address}, check=False)
+            self.assertEqual((more, done.returncode), (more, 2), done.stderr)
+            self.assertIn("cannot write file: File too large", done.stderr)
+            done = self.cli("render", "cornell", "--size", "96x64", "--spp", "1", *more, "-o", "no/such/folder.exr", code=3)
+            self.assertIn("no such folder", done.stderr)
+        self.assertEqual([name for name in os.listdir(self.folder) if "fits_not" in name], [])
 
     def test_a_fetched_file_that_does_not_fit_is_named(self):
         job = self.client.jobs.submit("cornell", width=64, height=48, spp=1)

@@ -206,6 +206,17 @@ class Pictures(Shared):
             self.assertIn(words, self.refused(scene, path=query(request), **SMALL))
         self.assertIn("max_bounces = 900", self.refused(scene, path=query({"integrator": {"max_bounces": 900}}), **SMALL))
 
+    def test_an_address_with_anything_else_is_refused(self):
+        scene = boxes_glb(TWO_BOXES)
+        for address, words in (("/render?requets={}", "'requets' is not known here; did you mean 'request'?"), ("/render?request={}&spp=3", "'spp' is not known"),
+                               ("/render?request={}&request={}", "'request' stands in it twice")):
+            self.assertIn(words, self.refused(scene, path=address, **SMALL))
+        self.assertIn("nothing to POST to", post(self.port, scene, path="/rendr", **SMALL)[2].decode())
+
+    def test_where_the_daemon_keeps_a_scene_is_not_said(self):
+        for scene in (b'{"asset": {"version": "2.0"}, "meshes": 3}', b'{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4, "uri": "none.bin"}]}', b"{"):
+            self.assertNotIn("gobo-upload-", self.refused(scene, **SMALL))
+
     def test_a_gltf_with_its_buffers_in_its_text(self):
         import base64
         import struct

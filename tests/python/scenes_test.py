@@ -37,6 +37,21 @@ class Scenes(DaemonTest):
         with open(self.path("b.raw"), "rb") as file:
             self.assertEqual(file.read(), self.client.render(by_file, **SMALL).image.tobytes())
 
+    def test_among_many_scenes_one_that_is_not_there_is_not_found(self):
+        names = [f"a-project-of-a-name/shot-{k:05d}" for k in range(260)]
+        for name in names:
+            self.client.scenes.open("cornell", name)
+        with self.assertRaisesRegex(gobo.NotFound, "no scene 'nonesuch'.*, \\.\\.\\."):
+            self.client.render("nonesuch", **SMALL)
+        self.cli("inspect", "nonesuch", code=3)
+        self.client.render(gltf(self.folder), **SMALL)
+        for long in ("\u00fc" * 2000, "%" * 3000, "x" * 20000):
+            with self.assertRaises(gobo.NotFound) as refused:
+                self.client.render("cornell", **SMALL, camera=long)
+            self.assertEqual(refused.exception.field, "camera.name")
+        for name in names:
+            self.client.scenes.unload(name)
+
     def test_inspect(self):
         scene = self.client.scenes.open(gltf(self.folder), "named")
         self.assertEqual((scene.triangles, scene.cameras, list(scene.lights)), (1, ["eye"], ["lamp"]))

@@ -655,6 +655,12 @@ for (const name of ['there.exr', 'fresh.HDR', 'fresh.HDR', 'notes.txt']) {
             status, body, _ = self.put(data, query=query)
             self.assertEqual((status, body["error"]["code"] in ("INVALID_ARGUMENT", "OUT_OF_RANGE")), (400, True), query)
             self.assertIn(word, body["error"]["message"], query)
+        for query, word in (("?bytes=10&ofset=5", "'ofset' is not known here; did you mean 'offset'?"), ("?bytes=10&bytes=10", "'bytes' stands in it twice")):
+            self.assertIn(word, self.put(data, query=query)[1]["error"]["message"])
+        for path in ("/v1/render?spp=3", "/v1/plan?x", "/v1/scenes?source=cornell"):
+            status, code, message = self.error(path, {"scene": "cornell"})
+            self.assertEqual((status, code), (400, "INVALID_ARGUMENT"))
+            self.assertIn("is not known here, which takes none", message)
         self.assertEqual(self.error("/v1/blobs/12?bytes=10")[:2], (400, "INVALID_ARGUMENT"))
         self.assertEqual(self.error(address.split("?")[0])[:2], (400, "INVALID_ARGUMENT"))
         status, body, _ = self.call(address, b"Some bytes", self.BYTES)

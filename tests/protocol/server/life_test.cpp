@@ -199,7 +199,7 @@ TEST_F(Life, SocketIsPrivateAndNotTakenFromALiveServer) {
   ASSERT_EQ(::stat((folder + "/s.sock").c_str(), &info), 0);
   EXPECT_EQ(info.st_mode & 0777, 0600u);
   auto second = Server::start(config, engineOptions(config), true);
-  EXPECT_EQ(second.status().code(), Code::FailedPrecondition) << second.status().toString();
+  EXPECT_EQ(second.status().code(), Code::Unavailable) << second.status().toString();
   EXPECT_TRUE(renderOnce(small(1)).status.ok());  // the first one is unharmed
 }
 
@@ -214,13 +214,13 @@ TEST(Socket, StaleOnesGoAndOtherFilesStay) {
   std::strncpy(address.sun_path, path.c_str(), sizeof address.sun_path - 1);
   ASSERT_EQ(::bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
   ASSERT_EQ(::listen(fd, 1), 0);
-  EXPECT_EQ(claimSocketPath(path).code(), Code::FailedPrecondition);
+  EXPECT_EQ(claimSocketPath(path).code(), Code::Unavailable);
   EXPECT_TRUE(std::filesystem::exists(path));
   ::close(fd);  // as after kill -9
   EXPECT_TRUE(claimSocketPath(path).ok());
   EXPECT_FALSE(std::filesystem::exists(path));
   std::ofstream(path) << "mine";
-  EXPECT_EQ(claimSocketPath(path).code(), Code::FailedPrecondition);
+  EXPECT_EQ(claimSocketPath(path).code(), Code::Unavailable);
   EXPECT_TRUE(std::filesystem::exists(path));
   std::filesystem::remove_all(folder);
 }

@@ -31,5 +31,17 @@ TEST(Closest, TheNearestOrNothing) {
   EXPECT_EQ(didYouMean("atrium2000", {"cornell"}), "");
 }
 
+TEST(Closest, SomeOfManyNames) {
+  EXPECT_EQ(someOf({}), "none");
+  EXPECT_EQ(someOf({"a", "b"}), "a, b");
+  const std::string some = someOf(std::vector<std::string>(1000, "a name"));
+  EXPECT_TRUE(some.starts_with("a name, a name"));
+  EXPECT_TRUE(some.ends_with(", ..."));
+  EXPECT_LT(some.size(), 330u);
+  std::string wide;
+  for (int i = 0; i < 1000; ++i) wide += "\xc3\xbc";
+  EXPECT_EQ(someOf({"a" + wide, "b"}), "a" + wide.substr(0, 298) + "..., ...") << "characters stay whole";
+}
+
 }  // namespace
 }  // namespace gobo
