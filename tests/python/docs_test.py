@@ -195,5 +195,33 @@ class Pages(unittest.TestCase):
         self.assertEqual(list(blocks(page, ("python",))), [(4, "sh", "x\n"), (10, "python", "z\n")])
 
 
+class Fields(unittest.TestCase):
+    ASSIGNMENT = re.compile(r"(?<![\w.])(?:request\.)?([a-z_]+(?:\.[A-Za-z_0-9]+(?:\[\w*\])?)+)=")
+
+    @staticmethod
+    def is_field(path):
+        descriptor, parts = render_pb2.RenderRequest.DESCRIPTOR, path.split(".")
+        while parts:
+            if descriptor is None or re.sub(r"\[\w*\]$", "", parts[0]) not in descriptor.fields_by_name:
+                return False
+            descriptor = descriptor.fields_by_name[re.sub(r"\[\w*\]$", "", parts.pop(0))].message_type
+            if descriptor is not None and descriptor.GetOptions().map_entry:
+                descriptor = descriptor.fields_by_name["value"].message_type
+                del parts[:1]
+        return True
+
+    def test_what_documents_set_is_a_field(self):
+        self.assertTrue(self.is_field("tone_map.curve") and self.is_field("lights.key.shadow.style.softness") and self.is_field("filters[0].bloom.gain"))
+        self.assertFalse(self.is_field("encoding.tone_map.curve") or self.is_field("tone_map.curve.x"))
+        roots, found = set(render_pb2.RenderRequest.DESCRIPTOR.fields_by_name), 0
+        for page in [pathlib.Path(SOURCE) / "README.md", *sorted((pathlib.Path(SOURCE) / "docs").glob("*.md"))]:
+            for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
+                for path in self.ASSIGNMENT.findall(line):
+                    if path.split(".")[0] in roots and "my_" not in path:
+                        self.assertTrue(self.is_field(path), f"{page.name}:{number}: {path}")
+                        found += 1
+        self.assertGreater(found, 100)
+
+
 if __name__ == "__main__":
     unittest.main()
