@@ -423,7 +423,7 @@ TEST(OffsetOrigin, LeavesTheSurfaceOnTheAskedSideAtEveryScale) {
       Vec3 out = randomDirection(g);
       if (i % 4 == 0) out = glm::normalize(out - hit.Ng * (glm::dot(out, hit.Ng) * (1 - 1e-4f)));  // along the surface
       if (glm::dot(out, hit.Ng) < 0) out = -out;
-      const Vec3 origin = offsetOrigin(p, hit.Ng, reach);
+      const Vec3 origin = offsetOrigin(p, hit.Ng, accel->reach(hit.instance));
       const Ray leaving{origin, out};
       if (accel->occluded(leaving) || accel->occluded16(&leaving, 1)) ++seen;
       EXPECT_LE(glm::length(origin - p), 1.5e-6f * most);
@@ -433,6 +433,14 @@ TEST(OffsetOrigin, LeavesTheSurfaceOnTheAskedSideAtEveryScale) {
     EXPECT_LT(past, hits / 100);
     EXPECT_GT(hits, 5'000);
   }
+}
+
+// The bound of the point's rounding is of all axes that the normal has a part of, and planes along one have some in addition.
+TEST(OffsetOrigin, MovesByTheRoundingOfEveryAxis) {
+  const Vec3 diagonal = glm::normalize(Vec3(1.0f)), up(0, 1, 0);
+  EXPECT_NEAR(glm::length(offsetOrigin(Vec3(0.0f), diagonal, Vec3(1.0f))), 6e-7f * std::sqrt(3.0f) + 3e-7f, 1e-9f);
+  EXPECT_NEAR(glm::length(offsetOrigin(Vec3(0.0f), up, Vec3(100, 1, 2))), 6e-7f + 3e-5f, 1e-8f);
+  EXPECT_NEAR(glm::length(offsetOrigin(Vec3(0.0f), -up, Vec3(1, 100, 2))), 6e-5f + 3e-5f, 1e-8f);
 }
 
 // A sheet that lies on a floor of kilometres is in the way of what is below it.
