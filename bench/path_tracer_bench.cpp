@@ -81,7 +81,7 @@ BareSeconds bare(const char* name, const Accel& accel, const std::vector<Ray>& r
         h.ray.flags[i] = 0;
         h.hit.geomID[i] = h.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
       }
-      if (shadow) embree::occluded16(valid, scene, context, reinterpret_cast<RTCRay16&>(h.ray), false);
+      if (shadow) embree::occluded16(valid, scene, context, reinterpret_cast<RTCRay16&>(h.ray));
       else embree::intersect16(valid, scene, context, h, coherent);
       for (int i = 0; i < 16; ++i) hits += shadow ? h.ray.tfar[i] < 0.0f : h.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
     }

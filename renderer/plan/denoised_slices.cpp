@@ -39,7 +39,7 @@ NoisyPlanes slicedPlanes(const NoisySlice& slice, std::vector<SlicePlane>& plane
       const bool seen = f.how == How::MeanOverSeen || f.how == How::MeanOfSeen;
       planes.push_back({f.name, f.channels, f.how, seen ? int(at.features) : -1});
     }
-    if (slice.blur >= 0) planes.push_back({"blur", 1});
+    if (slice.blur >= 0) planes.push_back({"blur", 1, How::Least});  // what is sharp in one of them gives and takes nothing
   }
   at.light = planes.size();
   // One sample a slice has no half: every other slice is one.

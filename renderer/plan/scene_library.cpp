@@ -117,14 +117,13 @@ Result<ScenePtr> patched(const Scene& base, const v1::PatchSceneRequest& p) {
       const int i = s.findLight(name);
       if (i < 0) return notFound("no light '" + name + "'", path);
       GOBO_TRY(applyLightShape(e, s, size_t(i), path));
-      Vec3& power = s.lights[i].power;
       if (e.has_color() || e.has_intensity()) {
-        const float old = luminance(power);
-        Vec3 color = e.has_color() ? Vec3(e.color().x(), e.color().y(), e.color().z()) : (old > 0 ? power / old : Vec3(1.0f));
-        const double intensity = e.has_intensity() ? e.intensity() : double(old);
+        const LightParts old = partsOf(s.lights[i]);
+        const Vec3 color = e.has_color() ? Vec3(e.color().x(), e.color().y(), e.color().z()) : old.color;
+        const double intensity = e.has_intensity() ? e.intensity() : double(old.intensity);
         if (!isFinite(color) || color.x < 0 || color.y < 0 || color.z < 0 || !std::isfinite(intensity) || intensity < 0)
           return invalidArgument(path + ": color and intensity must be finite and not negative", path);
-        power = color * float(intensity);
+        setPower(s.lights[i], {color, float(intensity)});
       }
     }
     return {};

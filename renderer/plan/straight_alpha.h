@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pictures have what adds to the background (premultiplied alpha), PNG has straight alpha: a curve or a view is of the colour by itself. Light without a
-// surface in front of nothing (a lamp that is seen) gets as much alpha as it needs to be shown.
+// surface in front of nothing (a lamp that is seen) gets as much alpha as it needs to be shown; where surfaces cover a part of a pixel its alpha is that part,
+// however bright they are.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +23,7 @@ inline StraightAlpha straightAlpha(const Image& linear, float scale) {
   for (size_t p = 0; p < linear.pixels(); ++p) {
     const float* v = linear.data.data() + 4 * p;
     const float most = std::max({v[0], v[1], v[2]}) * scale;
-    const float alpha = out.alpha[p] = std::clamp(std::max(v[3], std::min(most, 1.0f)), 0.0f, 1.0f);
+    const float alpha = out.alpha[p] = std::clamp(v[3] > 0.0f ? v[3] : most, 0.0f, 1.0f);
     for (size_t c = 0; c < 3; ++c) out.colour.data[3 * p + c] = alpha > 0.0f ? v[c] / alpha : 0.0f;
   }
   return out;

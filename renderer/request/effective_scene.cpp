@@ -405,9 +405,9 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
     Vec3 power = scaled(light.power, out.scales[size_t(i)]);
     if (edit->has_color() || edit->has_intensity()) {
       if (edit->has_color()) GOBO_TRY(checkFinite(edit->color(), path + ".color", true));
-      const float old = luminance(light.power);
-      const Vec3 color = edit->has_color() ? toVec3(edit->color()) : (old > 0 ? light.power / old : Vec3(1.0f));
-      const float intensity = edit->has_intensity() ? float(edit->intensity()) : (inFile(name) < 0 ? 1.0f : old * out.scales[size_t(i)]);
+      const LightParts old = partsOf(light);
+      const Vec3 color = edit->has_color() ? toVec3(edit->color()) : old.color;
+      const float intensity = edit->has_intensity() ? float(edit->intensity()) : (inFile(name) < 0 ? 1.0f : old.intensity * out.scales[size_t(i)]);
       power = color * intensity;
     }
     Vec3 gain(1.0f);

@@ -35,6 +35,8 @@ void visitFields(S& s, V&& v) {
   v("shape", s.shape);
   v("power", s.power);
   v("cameraVisible", s.cameraVisible);
+  v("color", s.color);
+  v("intensity", s.intensity);
 }
 template <Same<Texture> S, typename V>
 void visitFields(S& s, V&& v) {

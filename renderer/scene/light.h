@@ -63,7 +63,26 @@ struct Light {
   Vec3 power{1.0f};           ///< linear RGB, unit by kind (above); Mesh: factor x strength of the material's emission
   bool cameraVisible = true;  ///< Rect, Disk, Sphere: false hides it from camera rays, also straight through panes; mirrors and refraction show it.
                               ///< Directional ones are hidden so whatever this says
+  /// What `power` is the product of, as its file has them: who edits one keeps the other. An intensity below 0: nothing is known of them.
+  Vec3 color{1.0f};
+  float intensity = -1.0f;
 };
+
+struct LightParts {
+  Vec3 color;  ///< linear RGB
+  float intensity;
+};
+/// Colour and intensity whose product is the light's power: its file's, else the intensity is the luminance.
+inline LightParts partsOf(const Light& light) {
+  if (light.intensity >= 0.0f) return {light.color, light.intensity};
+  const float l = luminance(light.power);
+  return {l > 0.0f ? light.power / l : Vec3(1.0f), l};
+}
+inline void setPower(Light& light, const LightParts& parts) {
+  light.color = parts.color;
+  light.intensity = parts.intensity;
+  light.power = parts.color * parts.intensity;
+}
 
 /// The scalar used as the nominal power of a light that stands alone in its relight group: such a light is traced as
 /// white with this power, and its colour is a gain applied at composition. Never zero, so that a lamp that is off in the

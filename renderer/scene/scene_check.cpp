@@ -131,6 +131,8 @@ Status Scene::checkLights() const {
     const LightShape& s = light.shape;
     if (!isFinite(light.power) || light.power.x < 0 || light.power.y < 0 || light.power.z < 0)
       return fail(*this, "lights", i, light.name, "power", "power is not finite and >= 0");
+    if (!isFinite(light.color) || light.color.x < 0 || light.color.y < 0 || light.color.z < 0 || !std::isfinite(light.intensity))
+      return fail(*this, "lights", i, light.name, "color", "color and intensity are not finite and >= 0");
     if (!isCoordinate(s.position)) return fail(*this, "lights", i, light.name, "shape/position", "position " + text(s.position) + kBeyond);
     if (!isCoordinate(s.u) || !isCoordinate(s.v) || !isCoordinate(s.radius))
       return fail(*this, "lights", i, light.name, "shape", std::string("size") + kBeyond);

@@ -108,6 +108,10 @@ void Scene::computeDigests() {
     }
     Hasher power("light-power");
     addVector(power, light.power);
+    if (light.intensity >= 0.0f) {  // edits go by them
+      addVector(power, light.color);
+      power.add(light.intensity);
+    }
     lightPower_[k] = power.digest();
     shapes.add(lightShape_[k]);
     powers.add(lightPower_[k]);

@@ -14,11 +14,12 @@ namespace {
 
 class CausticsNode final : public Node {
  public:
-  CausticsNode(const CausticSettings& settings, const GBufferSettings& view)
+  CausticsNode(const CausticSettings& settings, const GBufferSettings& view, const SequenceShare& share)
       : settings_(settings),
         place_(view.place),
         width_(view.width ? view.width : settings.path.width),
-        height_(view.width ? view.height : settings.path.height) {}
+        height_(view.width ? view.height : settings.path.height),
+        share_(settings.path.viewSamples > 0 ? share : SequenceShare{}) {}
   std::string type() const override { return "caustics"; }
   // 2: without light that goes straight on; 3: tilted normals lose no specular light; 4: counted in passes; 5: tangents in the texture's own turn;
   // 6: cameras in volumes
@@ -35,6 +36,7 @@ class CausticsNode final : public Node {
     settings_.hash(h);
     if (!place_.whole()) h.add(width_).add(height_);
     place_.hash(h);
+    if (share_.of > 1) h.add(share_.index).add(share_.of);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     return Wiring(type(), in, 0)
@@ -96,8 +98,8 @@ class CausticsNode final : public Node {
               if (samples[p] != samplesOf(pass)) continue;  // an interrupted pass: this pixel has it already
               if (ctx.stop.stopRequested()) break;
               uint64_t lost = 0;
-              tracer->traceSamples(place_.x + x, place_.y + int(row), {0, now.block * kBlockSamples + now.first, now.count}, *map, sum.data() + p * perPixel,
-                                   rays, lost);
+              const uint32_t first = sharedFirst(now.block * kBlockSamples + now.first, now.count, share_);
+              tracer->traceSamples(place_.x + x, place_.y + int(row), {0, first, now.count}, *map, sum.data() + p * perPixel, rays, lost);
               dropped.add(p, lost);
               samples[p] += now.count;
             }
@@ -118,11 +120,14 @@ class CausticsNode final : public Node {
   CausticSettings settings_;
   ViewPlace place_;
   int width_, height_;
+  SequenceShare share_;
 };
 
 }  // namespace
 
-NodePtr makeCausticsNode(const CausticSettings& settings, const GBufferSettings& view) { return std::make_shared<CausticsNode>(settings, view); }
+NodePtr makeCausticsNode(const CausticSettings& settings, const GBufferSettings& view, const SequenceShare& share) {
+  return std::make_shared<CausticsNode>(settings, view, share);
+}
 
 }  // namespace terms
 }  // namespace gobo

@@ -7,13 +7,15 @@
 
 #include "terms/gbuffer.h"
 #include "terms/node.h"
+#include "trace/sample_passes.h"
 #include "trace/photon_tracer.h"
 
 namespace gobo {
 inline namespace terms {
 
-/// `view`: the part of the settings' picture that is made; of no width: all of it.
-NodePtr makeCausticsNode(const CausticSettings& settings, const GBufferSettings& view = {});
+/// `view`: the part of the settings' picture that is made; of no width: all of it. `share`: of the pixel's sequence, where view samples take turns: a slice of
+/// a shutter has its own of them.
+NodePtr makeCausticsNode(const CausticSettings& settings, const GBufferSettings& view = {}, const SequenceShare& share = {});
 
 }  // namespace terms
 }  // namespace gobo

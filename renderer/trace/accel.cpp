@@ -312,7 +312,7 @@ uint32_t Accel::occluded16(const Ray* rays, int count) const {
   }
   embree::Context context;
   embree::initContext(context);
-  embree::occluded16(valid, impl_->scene, context, r, true);
+  embree::occluded16(valid, impl_->scene, context, r);
   uint32_t blocked = 0;
   for (int i = 0; i < count; ++i) blocked |= uint32_t(r.tfar[i] < 0.0f) << i;
   return blocked;

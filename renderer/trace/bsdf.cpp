@@ -186,6 +186,13 @@ Vec3 bsdfStraight(const BsdfParams& p, const Vec3& wo) {
   return Layers::any(p) ? through * Layers(p, wo).passed(-wo) : through;
 }
 
+namespace {
+
+/// What the specular lobe itself reflects: its table has some more, so that the diffuse lobe below it never gains energy.
+float unpadded(float schlick) { return maxOf(schlick - kSchlickPadding, 0.0f); }
+
+}  // namespace
+
 LobeAlbedos bsdfLobeAlbedos(const BsdfParams& p, float mu) {
   LobeAlbedos out;
   if (!(mu > 0.0f)) return out;
@@ -196,8 +203,9 @@ LobeAlbedos bsdfLobeAlbedos(const BsdfParams& p, float mu) {
   BaseLobes base(p);
   base.view(Vec3(std::sqrt(clamp01(1.0f - mu * mu)), 0.0f, minOf(mu, 1.0f)));
   const ReflectionAlbedo::Value a = base.smooth ? ReflectionAlbedo::Value{0.0f, schlickWeight(mu)} : base.ao;
+  const float schlick = base.smooth ? a.schlick : unpadded(a.schlick);
   // Schlick's Fresnel between f0 and f90 over the microfacets, and what leaves them after further bounces.
-  const auto reflected = [&](const Vec3& f0, float f90) { return f0 * (1.0f - a.deficit) + (Vec3(f90) - f0) * a.schlick; };
+  const auto reflected = [&](const Vec3& f0, float f90) { return f0 * (1.0f - a.deficit) + (Vec3(f90) - f0) * schlick; };
   out.specular = base.metal * reflected(base.albedo, 1.0f) + base.opaque * reflected(base.f0, base.f90);
   if (base.kernel > 0.0f) out.specular += base.msUp * a.deficit;
   if (base.hasDiffuse()) out.diffuse = base.albedo * (base.opaque * base.diffuseO * (1.0f - base.through));
@@ -216,7 +224,7 @@ LobeTerms bsdfLobeTerms(const BsdfParams& p, float mu) {
   if (!base.smooth) {
     const Vec3 normal = base.metal * base.albedo + base.opaque * base.f0;
     out.microfacets = normal * (1.0f - base.ao.deficit);
-    out.grazing = (Vec3(base.metal + base.opaque * base.f90) - normal) * base.ao.schlick;
+    out.grazing = (Vec3(base.metal + base.opaque * base.f90) - normal) * unpadded(base.ao.schlick);
     if (base.kernel > 0.0f) out.bounced = base.msUp * base.ao.deficit;
   }
   if (!base.hasDiffuse()) return out;

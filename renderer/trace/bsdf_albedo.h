@@ -16,6 +16,9 @@
 namespace gobo {
 inline namespace trace {
 
+/// What the schlick tables have added to the truth (bench/bsdf_tables.cpp).
+inline constexpr float kSchlickPadding = 0.001f;
+
 /// GGX reflection of one roughness (alpha >= kDeltaAlpha).
 class ReflectionAlbedo {
  public:

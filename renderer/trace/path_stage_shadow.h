@@ -15,7 +15,7 @@ inline void PathChunk<Sink>::traceShadowRays() {
   if (m.recorder) recordRays(shadowed, sr, m.recorder->shadow);
   Vec3 beyond[kLanes];  // what surfaces that bend nothing leave of the light
   if (straight) m.throughPanes(shadowed, sr, hasMedia ? media.shadow : nullptr, beyond, rays);
-  else embree::occluded16(valid, m.scene, context, sr, false);
+  else embree::occluded16(valid, m.scene, context, sr);
   for (uint32_t left = shadowed; left; left &= left - 1) {
     const int i = __builtin_ctz(left);
     if (!(sr.tfar[i] >= 0.0f)) continue;  // Embree writes -inf where something is in the way

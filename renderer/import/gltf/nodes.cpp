@@ -310,7 +310,7 @@ class Tree {
   void addPunctual(const Cursor& at, const std::string& nodeName, int index) {
     Light l;
     const std::string type = at["type"].text();
-    l.power = glm::max(at["color"].vector(Vec3(1.0f)), Vec3(0.0f)) * float(at["intensity"].number(1.0, 0.0, 1e30));
+    setPower(l, {glm::max(at["color"].vector(Vec3(1.0f)), Vec3(0.0f)), float(at["intensity"].number(1.0, 0.0, 1e30))});
     l.shape.range = float(at["range"].number(0.0, 0.0, 3e38));
     if (type == "point") l.shape.kind = LightKind::Point;
     else if (type == "directional") {
@@ -365,14 +365,15 @@ class Tree {
     const Cursor lights = d_.root().extension("EXT_lights_ies")["lights"];
     const int light = at["light"].indexInto(lights);
     Light l;
-    l.power = glm::clamp(at["color"].vector(Vec3(1.0f)), Vec3(0.0f), Vec3(1.0f)) * float(at["multiplier"].number(1.0, 0.0, 1e18));
+    const Vec3 color = glm::clamp(at["color"].vector(Vec3(1.0f)), Vec3(0.0f), Vec3(1.0f));
+    const float multiplier = float(at["multiplier"].number(1.0, 0.0, 1e18));
     if (light < 0 || !d_.ok()) {
       at["light"].fail("light is missing");
       return;
     }
     const Cursor profile = lights.at(size_t(light));
     const IesPhotometry& data = d_.photometry.at(profile.pointer);
-    l.power *= float(data.candela);
+    setPower(l, {color, multiplier * float(data.candela)});
     const auto [known, fresh] = profiles_.try_emplace(profile.pointer, int(scene_.profiles.size()));
     if (fresh) scene_.profiles.push_back(data.profile);
     l.shape.profile = known->second;

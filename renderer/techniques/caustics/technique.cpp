@@ -22,7 +22,7 @@ class CausticPhotons final : public Technique {
     if (!plan.pruned.empty()) c.prune("caustics", plan.pruned, plan.lost);
     const bool lobes = c.apart().lobes;
     for (const CausticTask& t : causticTasks(plan, c.effective(), c.groups(), pathTracerSettings(c, PathClass::Indirect), lobes)) {
-      GraphNode n{makeCausticsNode(t.settings, c.view()), {}, t.lights, t.label, c.passes(), c.scene(), false, causticNote(plan, c.passes())};
+      GraphNode n{makeCausticsNode(t.settings, c.view(), c.share()), {}, t.lights, t.label, c.passes(), c.scene(), false, causticNote(plan, c.passes())};
       for (int l : t.lights) {
         if (t.groups.size() == 1 && c.cover().claimedBy(l, name()) != PathSet::None) continue;  // a difference to what its cluster holds
         GOBO_TRY(c.cover().claim(l, PathSet::Caustic, name()));

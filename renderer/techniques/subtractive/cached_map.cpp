@@ -72,6 +72,7 @@ class CachedMapNode final : public Node {
   CachedMapNode(const GBufferSettings& view, const RadianceCacheSettings& cache, float rotation, const Vec3& scale)
       : view_(view), cache_(cache), rotation_(rotation), scale_(scale) {}
   std::string type() const override { return "cached_map"; }
+  int version() const override { return 2; }  // 2: what the specular lobe reflects without its table's padding
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;

@@ -28,7 +28,7 @@ class LightNode final : public Node {
  public:
   explicit LightNode(const LightSettings& s) : s_(s) {}
   std::string type() const override { return "subtractive_light"; }
-  int version() const override { return 3; }  // 2: negative light by channel; 3: gloss of glass
+  int version() const override { return 4; }  // 2: negative light by channel; 3: gloss of glass; 4: what the specular lobe reflects without its table's padding
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;

@@ -56,7 +56,7 @@ class UnshadowedMapNode final : public Node {
   UnshadowedMapNode(const GBufferSettings& view, EnvironmentPtr map, float rotation, const Vec3& scale, bool shines, DiffuseBy by)
       : view_(view), map_(std::move(map)), rotation_(rotation), scale_(scale), shines_(shines), by_(by) {}
   std::string type() const override { return "unshadowed_map"; }
-  int version() const override { return 2; }  // 2: maps of any size whole
+  int version() const override { return 3; }  // 2: maps of any size whole; 3: what the specular lobe reflects without its table's padding
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;

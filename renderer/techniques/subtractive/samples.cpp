@@ -11,7 +11,7 @@ class DistantSamplesNode final : public SamplesNode {
  public:
   explicit DistantSamplesNode(const SamplesSettings& s) : SamplesNode(s.view, s.resampling), lights_(s.lights) {}
   std::string type() const override { return "subtractive_samples"; }
-  int version() const override { return 2; }  // 2: rays begin nearer to the surface
+  int version() const override { return 3; }  // 2: rays begin nearer to the surface; 3: what the specular lobe reflects without its table's padding
   void hashParameters(Hasher& h) const override {
     SamplesNode::hashParameters(h);
     for (const DistantLightSample& l : lights_) h.addPod(l.direction).addPod(l.irradiance);

@@ -18,6 +18,7 @@ class StyledSamplesNode final : public FoldNode {
  public:
   explicit StyledSamplesNode(const SamplesSettings& s) : s_(s) {}
   std::string type() const override { return "styled_samples"; }
+  int version() const override { return 2; }  // 2: what the specular lobe reflects without its table's padding
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;
@@ -114,6 +115,7 @@ Result<NodeId> planStyledSamples(PlanContext& c, const SamplesSettings& settings
     extended->lights.push_back(light);
   }
   GOBO_TRY(extended->seal());
+  if (!settings.lights.empty()) technique = shadowTechniqueOf(c, first, extended, "environment");
   if (!findShadowTechnique(technique.technique_case())) technique.mutable_ray_traced()->set_samples(1);
   std::vector<NodeId> inputs{c.gbuffer(), c.surface()};  // made, and kept, before any node that is marked transient below
   const uint64_t all =

@@ -29,6 +29,7 @@ class TransferredGlossNode final : public Node {
     for (int l = 0; l < s_.bands; ++l) open_[size_t(l)] = float((2 * l + 1) / (4 * double(kPi)) * cosineCoefficient(l));
   }
   std::string type() const override { return "transferred_gloss"; }
+  int version() const override { return 2; }  // 2: what the specular lobe reflects without its table's padding
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;

@@ -182,6 +182,28 @@ TEST(LobeAlbedos, AreWhatTheLobesReflectOfUniformLight) {
         }
 }
 
+// The highlight of a rough dielectric is a hundredth of the map: what its table is padded with would be a tenth of that.
+TEST(LobeAlbedos, OfRoughDielectricsAreNotPadded) {
+  for (const float roughness : {0.6f, 0.8f, 1.0f})
+    for (const float mu : {0.4f, 0.7f, 0.95f}) {
+      BsdfParams p;
+      p.albedo = Vec3(0.0f);
+      p.metallic = 0;
+      p.roughness = roughness;
+      const float found = bsdfLobeAlbedos(p, mu).specular.x;
+      const Vec3 wo(std::sqrt(1 - mu * mu), 0, mu);
+      double sum = 0;  // over the hemisphere by the midpoint rule in cosine squared and angle
+      constexpr int kRings = 400, kSides = 400;
+      for (int i = 0; i < kRings; ++i)
+        for (int k = 0; k < kSides; ++k) {
+          const float sine2 = (float(i) + 0.5f) / kRings, a = 2 * kPi * (float(k) + 0.5f) / kSides, sine = std::sqrt(sine2);
+          const Vec3 wi(sine * std::cos(a), sine * std::sin(a), std::sqrt(1 - sine2));
+          sum += double(bsdfEval(p, wo, wi).specular.x) / double(wi.z);
+        }
+      EXPECT_NEAR(found, sum * double(kPi) / (kRings * kSides), 5e-4) << roughness << " " << mu;
+    }
+}
+
 RenderResult pictureOf(Engine& engine, const ScenePtr& scene, const v1::RenderRequest& request) {
   RenderControl control;
   control.scene = scene;

@@ -172,6 +172,14 @@ TEST(Background, APngHasStraightAlphaAndShowsLampsInFrontOfNothing) {
   const float expected[] = {0.5f, 0.25f, 0.0f, 0.5f, 0.0f, 0.0f, 0.0f, 0.0f, 1.0f, 0.5f / 0.75f, 0.0f, 0.75f, out.data[12], 1.0f, 0.5f, 1.0f};
   ASSERT_EQ(out.channels, 4);
   for (size_t i = 0; i < 16; ++i) EXPECT_NEAR(out.data[i], expected[i], 1e-6f) << i;
+  Image edge(1, 1, 4);  // of a bright surface: its share of the pixel is no matter of the exposure
+  for (const double stops : {-1.0, 0.0, 3.0}) {
+    edge.data = {0.8f, 0.6f, 0.4f, 0.5f};
+    linear.set_exposure(stops);
+    const Image shown = toneMapped(edge, linear);
+    EXPECT_EQ(shown.data[3], 0.5f);
+    EXPECT_NEAR(shown.data[2], 0.8f * std::exp2(float(stops)), 1e-5f);
+  }
   for (const auto curve : {v1::ToneMap::REINHARD, v1::ToneMap::FILMIC, v1::ToneMap::ACES, v1::ToneMap::PBR_NEUTRAL}) {
     v1::ToneMap t;
     t.set_curve(curve);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "support/engines.h"
+#include "support/tiny_scenes.h"
 
 namespace gobo::testing {
 namespace {
@@ -51,6 +52,35 @@ TEST(Gains, OfEveryKindOfLightActOnEachChannel) {
       set(r, "lights.lamp.color=2,1,0.5");
       expectScaled(one, mustRender(*engine, r), Vec3(2, 2, 2.5f), std::string(kind) + " " + shadow + " coloured");
     }
+}
+
+// What a scene's file says of a light, said again by a request, is no edit; each of the two numbers keeps the other.
+TEST(Gains, ColourAndIntensityOfTheFileSaidAgainChangeNothing) {
+  const auto engine = makeEngine();
+  tests::SceneMaker m;
+  m.instance(m.mesh(tests::ground(2.0f), m.material(Vec3(0.7f))));
+  Light lamp;
+  lamp.name = "lamp";
+  lamp.shape.kind = LightKind::Point;
+  lamp.shape.position = Vec3(0, 1, 0);
+  setPower(lamp, {Vec3(1, 0.5f, 0.125f), 8});
+  m.scene.lights.push_back(lamp);
+  m.camera(Vec3(0, 2, 2), Vec3(0.0f));
+  const ScenePtr scene = m.finish();
+  const auto picture = [&](const std::vector<std::string>& edits) {
+    v1::RenderRequest r = smallRequest("by hand", 12, 8, 4);
+    for (const std::string& edit : edits) set(r, edit);
+    RenderControl control;
+    control.scene = scene;
+    Result<RenderResult> result = engine->render(r, control);
+    EXPECT_TRUE(result.ok()) << result.status().toString();
+    return result.ok() ? std::move(*result) : RenderResult{};
+  };
+  const RenderResult plain = picture({});
+  const std::string intensity = "lights.lamp.intensity=8", color = "lights.lamp.color=1,0.5,0.125";
+  for (const std::vector<std::string>& edits : {std::vector{intensity}, {color}, {color, intensity}}) EXPECT_EQ(firstDifference(plain, picture(edits)), "") << edits[0];
+  expectScaled(plain, picture({"lights.lamp.intensity=24"}), Vec3(3.0f), "three times");
+  expectScaled(plain, picture({"lights.lamp.color=1,1,1"}), Vec3(1, 2, 8), "white");
 }
 
 TEST(Gains, BeyondWhatAFloatHoldsAreRefusedByName) {

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <thread>
 
 #include "support/engines.h"
@@ -84,6 +85,38 @@ TEST(ScenePatches, AThingIsMovedFromWhereItIs) {
   }
   EXPECT_FALSE(patch([](auto&) {}).ok()) << "neither matrix nor way";
   EXPECT_EQ(engine->inspectScene("cornell")->hash(), wanted->hash());
+}
+
+// A colour by itself keeps the intensity, an intensity the colour, whatever came before.
+TEST(ScenePatches, ColourAndIntensityKeepEachOther) {
+  const auto engine = makeEngine();
+  ASSERT_TRUE(engine->openScene("spheres", "spheres").ok());
+  const std::string name = engine->inspectScene("spheres")->lights(0).name();
+  const auto power = [&](std::optional<Vec3> color, std::optional<double> intensity) {
+    v1::PatchSceneRequest p;
+    p.set_scene("spheres");
+    v1::LightEdit& edit = (*p.mutable_lights())[name];
+    if (color) {
+      edit.mutable_color()->set_x(color->x);
+      edit.mutable_color()->set_y(color->y);
+      edit.mutable_color()->set_z(color->z);
+    }
+    if (intensity) edit.set_intensity(*intensity);
+    const auto info = engine->patchScene(p);
+    EXPECT_TRUE(info.ok()) << info.status().toString();
+    const v1::Vector3 v = info.ok() ? info->lights(0).power() : v1::Vector3();
+    return Vec3(float(v.x()), float(v.y()), float(v.z()));
+  };
+  const Vec3 red(1, 0, 0), black(0.0f), white(1.0f), blue(0, 0, 0.5f);
+  EXPECT_EQ(power(white, 10), Vec3(10.0f));
+  EXPECT_EQ(power(red, {}), Vec3(10, 0, 0));
+  EXPECT_EQ(power(red, {}), Vec3(10, 0, 0));
+  EXPECT_EQ(power({}, 4), Vec3(4, 0, 0));
+  EXPECT_EQ(power(black, {}), black);
+  EXPECT_EQ(power(blue, {}), Vec3(0, 0, 2));
+  EXPECT_EQ(power({}, 0), black);
+  EXPECT_EQ(power({}, 6), Vec3(0, 0, 3));
+  EXPECT_EQ(power(white, {}), Vec3(6.0f));
 }
 
 TEST(ScenePatches, APatchThatRacesAnUnloadDoesNotBringTheIdBack) {

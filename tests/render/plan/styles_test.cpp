@@ -56,6 +56,23 @@ TEST(Styles, LightsOfTheEnvironmentHaveThemWherePathsAreNotTraced) {
   EXPECT_GT(brighter, 0) << "brightness 1: no shadow at all";
 }
 
+// The lights that stand for a map are directional ones: a technique that does none of these gives way, with a warning, and never names a light of ours.
+TEST(Styles, AMapsSubtractiveShadowsHaveThemUnderAnyTechnique) {
+  const auto engine = makeEngine();
+  const google::protobuf::OneofDescriptor* techniques = v1::ShadowTechnique::descriptor()->FindOneofByName("technique");
+  ASSERT_NE(techniques, nullptr);
+  for (int k = 0; k < techniques->field_count(); ++k) {
+    const std::string name = techniques->field(k)->name();
+    if (name == "path_traced") continue;  // has no visibility that it could be a style of
+    v1::RenderRequest r = smallRequest("tentacles", 24, 18, 4);
+    for (const std::string& edit : {std::string("environment.sky.turbidity=4"), std::string("environment.subtractive.lights=8"), "shadows." + name + "=",
+                                    std::string("shadows.style.softness=0.2")})
+      set(r, edit);
+    const auto result = engine->render(r);
+    EXPECT_TRUE(result.ok()) << name << ": " << result.status().toString();
+  }
+}
+
 TEST(Styles, MapsOfATechniqueAreOfTheTechnique) {
   v1::RenderRequest r = smallRequest("cornell", 20, 16, 1);
   for (const char* a : {"lights.lamp.kind=SPOT", "lights.lamp.position=0.2,1.6,0.4", "lights.lamp.direction=0,-1,-0.2", "lights.lamp.intensity=3",

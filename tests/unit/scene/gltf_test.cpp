@@ -180,6 +180,8 @@ TEST_F(Gltf, MaterialsLightsAndCameras) {
   EXPECT_EQ(m.bsdf.transmission, 1.0f);
   const Light& spot = s->lights[s->findLight("spot")];
   EXPECT_EQ(spot.power, Vec3(10, 5, 0));
+  EXPECT_EQ(partsOf(spot).color, Vec3(1, 0.5f, 0));
+  EXPECT_EQ(partsOf(spot).intensity, 10.0f);
   EXPECT_LT(glm::length(spot.shape.axis - Vec3(0, -1, 0)), 1e-6f);
   EXPECT_NEAR(spot.shape.cosOuter, std::cos(0.4), 1e-6);
   const Light& panel = s->lights[s->findLight("panel")];

@@ -161,6 +161,8 @@ TEST(FacetHash, EachFieldChangesExactlyItsFacets) {
       {"point power", [](Scene& s) { s.lights[1].power.z = 3; }, power, power},
       {"rect power", [](Scene& s) { s.lights[2].power.z = 3; }, power, none},
       {"lamp power", [](Scene& s) { s.lights[0].power.z = 3; }, power, none},
+      {"point colour and intensity", [](Scene& s) { s.lights[1].intensity = 2; }, power, power},
+      {"point colour of a known intensity", [](Scene& s) { s.lights[1].intensity = 0, s.lights[1].color.y = 0.5f; }, power, power},
       {"environment scale", [](Scene& s) { s.lights[3].power.z = 3; }, power, none},
       {"map", [](Scene& s) { s.environment = constantEnvironment(Vec3(2.0f)); }, {"environment"}, {"environment"}},
       {"rotation",

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/accel.h"
 
+#include <unistd.h>
+
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <cstring>
 #include <future>
 #include <limits>
 #include <random>
@@ -389,6 +392,69 @@ std::vector<std::pair<std::string, ScenePtr>> convexScenes() {
     add("instances", dense, {translate(scale * Vec3(70, -3, 9)) * turned, translate(scale * Vec3(-400, 60, 2)) * turned * scaling(Vec3(9, 0.2f, 2))});
   }
   return out;
+}
+
+/// Fills what the next calls will take for their stack.
+[[gnu::noinline]] void soilStack(unsigned char with) {
+  unsigned char stack[1 << 17];
+  std::memset(stack, with, sizeof stack);
+  asm volatile("" : : "r"(stack) : "memory");  // it is written, though nobody reads it
+}
+
+// Whatever earlier calls have left on the stack, packets end, and see the same (embree.h). Without an end the alarm ends the program.
+TEST(Accel, PacketsEndWhateverLiesOnTheStack) {
+  ::alarm(300);
+  for (const auto& [name, scene] : convexScenes()) {
+    SCOPED_TRACE(name);
+    const AccelPtr accel = buildAccel(*scene);
+    std::mt19937 g(12);
+    for (int i = 0; i < 20; ++i) {
+      Ray rays[16];
+      const Vec3 middle(scene->instances[g() % scene->instances.size()].toWorld[3]), reach = accel->reach();
+      for (Ray& ray : rays) {
+        const Vec3 from = randomDirection(g);
+        ray = {middle + from * std::max({reach.x, reach.y, reach.z}), glm::normalize(-from + 0.3f * randomDirection(g))};
+      }
+      const int count = 1 + int(g() % 16);
+      uint32_t clean[3] = {};
+      for (const unsigned char with : {0x00, 0xff, 0xa5}) {
+        uint32_t seen[3] = {};
+        soilStack(with);
+        seen[2] = accel->occluded16(rays, count);
+        for (const bool coherent : {false, true}) {
+          alignas(64) RTCRayHit16 r;
+          alignas(64) int valid[16];
+          for (int k = 0; k < 16; ++k) {
+            const Ray& ray = rays[std::min(k, count - 1)];
+            valid[k] = k < count ? -1 : 0;
+            for (const auto& [to, x] : {std::pair(r.ray.org_x, ray.origin.x),
+                                        {r.ray.org_y, ray.origin.y},
+                                        {r.ray.org_z, ray.origin.z},
+                                        {r.ray.dir_x, ray.direction.x},
+                                        {r.ray.dir_y, ray.direction.y},
+                                        {r.ray.dir_z, ray.direction.z},
+                                        {r.ray.tnear, ray.tmin},
+                                        {r.ray.tfar, ray.tmax},
+                                        {r.ray.time, 0.0f}})
+              to[k] = x;
+            r.ray.mask[k] = ~0u;
+            r.ray.id[k] = r.ray.flags[k] = 0;
+            r.hit.geomID[k] = r.hit.instID[0][k] = RTC_INVALID_GEOMETRY_ID;
+          }
+          embree::Context context;
+          embree::initContext(context);
+          soilStack(with);
+          embree::intersect16(valid, accel->impl().scene, context, r, coherent);
+          for (int k = 0; k < count; ++k) seen[coherent] |= uint32_t(r.hit.geomID[k] != RTC_INVALID_GEOMETRY_ID) << k;
+        }
+        for (int k = 0; k < 3; ++k) {
+          if (with == 0) clean[k] = seen[k];
+          EXPECT_EQ(seen[k], clean[k]) << k << " " << int(with);
+        }
+      }
+    }
+  }
+  ::alarm(0);
 }
 
 TEST(OffsetOrigin, LeavesTheSurfaceOnTheAskedSideAtEveryScale) {

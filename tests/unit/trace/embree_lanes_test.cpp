@@ -112,7 +112,7 @@ TEST_P(EmbreeLanes, ShadowRaysThatAreNotMeantAreLeftAsTheyAre) {
     alignas(64) int valid[kPacket];
     alignas(64) const RTCRayHit16 before = packet(valid);
     alignas(64) RTCRay16 after = before.ray;
-    embree::occluded16(valid, scene_, context_, after, round % 2 == 0);
+    embree::occluded16(valid, scene_, context_, after);
     for (int i = 0; i < kPacket; ++i) {
       SCOPED_TRACE(i);
       EXPECT_TRUE(sameBits(after.tnear[i], before.ray.tnear[i]));
@@ -141,7 +141,7 @@ TEST_P(EmbreeLanes, WhatCannotBeTracedMeetsNothingAndHasNoLight) {
   }
   alignas(64) RTCRay16 shadow = r.ray;
   embree::intersect16(valid, scene_, context_, r, false);
-  embree::occluded16(valid, scene_, context_, shadow, false);
+  embree::occluded16(valid, scene_, context_, shadow);
   for (int i = 1; i < kPacket; i += 2) {
     EXPECT_EQ(r.hit.geomID[i], RTC_INVALID_GEOMETRY_ID);
     EXPECT_EQ(r.ray.tfar[i], 10.0f);
