@@ -346,8 +346,9 @@ Status SceneLibrary::unknown(const std::string& id, const SceneAccess& access) c
   const std::vector<std::string> names(known.begin(), known.end());
   const std::string meant = didYouMean(id, names);
   const auto went = std::find_if(gone_.rbegin(), gone_.rend(), [&](const Gone& g) { return g.id == id && access.uses(g.owner, g.share); });
-  return notFound("no scene '" + id + "'" + (went != gone_.rend() ? ", which was unloaded " + went->why + ": open it again" : meant) + " (has: " + someOf(names) + ")",
-                  "request.scene");
+  return notFound(
+      "no scene '" + id + "'" + (went != gone_.rend() ? ", which was unloaded " + went->why + ": open it again" : meant) + " (has: " + someOf(names) + ")",
+      "request.scene");
 }
 
 Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop, const SceneAccess& access, bool again) {

@@ -259,7 +259,8 @@ Status setMessage(Message& m, const std::string& text, const std::string& path) 
   if (m.GetDescriptor()->full_name() != "gobo.v1.Vector3") {
     const FieldDescriptor* choice = m.GetDescriptor()->FindFieldByName(text);
     if (!choice || !choice->containing_oneof() || choice->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE)
-      return invalidArgument("is a group of fields; set one of " + fieldNames(m) + (choice ? "" : "; '" + text + "' is none of them" + nearestField(text, m)), path);
+      return invalidArgument("is a group of fields; set one of " + fieldNames(m) + (choice ? "" : "; '" + text + "' is none of them" + nearestField(text, m)),
+                             path);
     m.GetReflection()->MutableMessage(&m, choice);
     return {};
   }

@@ -7,8 +7,8 @@
 
 #include "terms/gbuffer.h"
 #include "terms/node.h"
-#include "trace/sample_passes.h"
 #include "trace/photon_tracer.h"
+#include "trace/sample_passes.h"
 
 namespace gobo {
 inline namespace terms {

@@ -105,7 +105,8 @@ class SceneLightSamplesNode final : public SamplesNode {
  public:
   explicit SceneLightSamplesNode(LightSamplesSettings s) : SamplesNode(s.from.view, s.resampling), s_(std::move(s)) {}
   std::string type() const override { return "subtractive_light_samples"; }
-  // as unshadowed_lights; 5: gloss of glass; 6: rays begin nearer to the surface, from points that can shine; 7: what the specular lobe reflects without its table's padding
+  // as unshadowed_lights; 5: gloss of glass; 6: rays begin nearer to the surface, from points that can shine; 7: what the specular lobe reflects without its
+  // table's padding
   int version() const override { return 7; }
   NodeTraits traits() const override {
     NodeTraits t = SamplesNode::traits();

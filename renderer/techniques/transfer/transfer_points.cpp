@@ -24,8 +24,8 @@ class TransferPointsNode final : public Node {
     t.persist = true;
     return t;
   }
-  // 2: triangles in strips, dense meshes thinned, gaps; 3: normals of tiny instances; 4: backs of single-sided meshes that are not closed; 6: rays begin as near as the point's
-  // instance allows
+  // 2: triangles in strips, dense meshes thinned, gaps; 3: normals of tiny instances; 4: backs of single-sided meshes that are not closed; 6: rays begin as
+  // near as the point's instance allows
   int version() const override { return 6; }
   void hashParameters(Hasher& h) const override { h.add(s_.points).add(s_.seed); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
@@ -33,7 +33,8 @@ class TransferPointsNode final : public Node {
         .gives({type(),
                 Domain::List,
                 s_.extent(),
-                {unsetPlane<float>("position", 3), unsetPlane<float>("normal", 3), unsetPlane<float>("cell"), unsetPlane<uint32_t>("instance"), unsetPlane<uint8_t>("usable")}});
+                {unsetPlane<float>("position", 3), unsetPlane<float>("normal", 3), unsetPlane<float>("cell"), unsetPlane<uint32_t>("instance"),
+                 unsetPlane<uint8_t>("usable")}});
   }
   size_t workingBytes() const override { return size_t(s_.size) * 64; }
   Cost cost(const TermShape&, uint32_t) const override { return {double(s_.size) * kLooks, 150.0 * s_.size * kLooks}; }

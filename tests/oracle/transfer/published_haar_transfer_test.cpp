@@ -205,8 +205,8 @@ TEST(HaarTransfer, OfAllTermsIsTheSumOverCells) {
     int shadowed = 0;
     for (size_t k = 0; k < p.size(); k += 7) {
       const Vec3 n(p.vector("normal", k));
-      const Vec3 origin = offsetOrigin(Vec3(p.vector("position", k)) + n * (1e-3f * p.points->floats("cell")[k]), n,
-                                         p.accel->reach(p.points->plane<uint32_t>("instance")[k]));
+      const Vec3 origin =
+          offsetOrigin(Vec3(p.vector("position", k)) + n * (1e-3f * p.points->floats("cell")[k]), n, p.accel->reach(p.points->plane<uint32_t>("instance")[k]));
       DVec3 sum(0.0);
       for (size_t i = 0; i < terms.size(); ++i) {
         if (!(glm::dot(DVec3(n), integral[i]) > 0) || !(glm::dot(n, Vec3(middle[i])) > 0)) continue;

@@ -178,7 +178,7 @@ TEST(Background, APngHasStraightAlphaAndShowsLampsInFrontOfNothing) {
     linear.set_exposure(stops);
     const Image shown = toneMapped(edge, linear);
     EXPECT_EQ(shown.data[3], 0.5f);
-    EXPECT_NEAR(shown.data[2], 0.8f * std::exp2(float(stops)), 1e-5f);
+    EXPECT_NEAR(shown.data[2], std::min(0.8f * std::exp2(float(stops)), 1.0f), 1e-5f);
   }
   for (const auto curve : {v1::ToneMap::REINHARD, v1::ToneMap::FILMIC, v1::ToneMap::ACES, v1::ToneMap::PBR_NEUTRAL}) {
     v1::ToneMap t;

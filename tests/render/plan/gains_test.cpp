@@ -78,7 +78,8 @@ TEST(Gains, ColourAndIntensityOfTheFileSaidAgainChangeNothing) {
   };
   const RenderResult plain = picture({});
   const std::string intensity = "lights.lamp.intensity=8", color = "lights.lamp.color=1,0.5,0.125";
-  for (const std::vector<std::string>& edits : {std::vector{intensity}, {color}, {color, intensity}}) EXPECT_EQ(firstDifference(plain, picture(edits)), "") << edits[0];
+  for (const std::vector<std::string>& edits : {std::vector{intensity}, {color}, {color, intensity}})
+    EXPECT_EQ(firstDifference(plain, picture(edits)), "") << edits[0];
   expectScaled(plain, picture({"lights.lamp.intensity=24"}), Vec3(3.0f), "three times");
   expectScaled(plain, picture({"lights.lamp.color=1,1,1"}), Vec3(1, 2, 8), "white");
 }

@@ -499,17 +499,18 @@ TEST(Shutter, WhatIsSharpInOneSliceIsNotBlurred) {
   m.instance(m.mesh(tests::quad(Vec3(-9, -6, -9), Vec3(18, 0, 0), Vec3(0, 12, 0)), m.material(Vec3(0.8f, 0.7f, 0.6f))));
   m.camera(Vec3(0.0f), Vec3(0, 0, -1));
   const ScenePtr scene = m.finish();
-  v1::RenderRequest r = request({"camera.shutter_s=1", "camera.shutter_slices=8", "camera.lens_radius=0.3", "camera.focus_distance=2", "outputs=beauty",
-                                 "environment.sky.turbidity=3", "environment.background=TRANSPARENT", "integrator.max_bounces=2",
-                                 "curves.camera.position.time_s=0,1", "curves.camera.position.value=0,0,0,0.6,0.2,0", "curves.camera.look_at.time_s=0,1",
-                                 "curves.camera.look_at.value=0,0,-1,0.6,0.2,-1"},
-                                8, "by hand", 64, 48);
+  v1::RenderRequest r =
+      request({"camera.shutter_s=1", "camera.shutter_slices=8", "camera.lens_radius=0.3", "camera.focus_distance=2", "outputs=beauty",
+               "environment.sky.turbidity=3", "environment.background=TRANSPARENT", "integrator.max_bounces=2", "curves.camera.position.time_s=0,1",
+               "curves.camera.position.value=0,0,0,0.6,0.2,0", "curves.camera.look_at.time_s=0,1", "curves.camera.look_at.value=0,0,-1,0.6,0.2,-1"},
+              8, "by hand", 64, 48);
   const auto engine = makeEngine();
   v1::RenderRequest many = r;
   many.mutable_halt()->set_spp(thoroughOr(4096u, 1024u));
   const Image truth = made(*engine, scene, many), noisy = made(*engine, scene, r);
   // With the mean of the slices' blurs 0.098, 0.133 and 0.096 of the noise are left.
-  for (const auto& [filter, left] : {std::pair("denoise.wavelet.levels=4", 0.08), {"denoise.first_order.radius_px=5", 0.11}, {"denoise.auto.fast=true", 0.083}}) {
+  for (const auto& [filter, left] :
+       {std::pair("denoise.wavelet.levels=4", 0.08), {"denoise.first_order.radius_px=5", 0.11}, {"denoise.auto.fast=true", 0.083}}) {
     v1::RenderRequest smooth = r;
     set(smooth, filter);
     const double filtered = rmsBetween(made(*engine, scene, smooth).data, truth.data), sampled = rmsBetween(noisy.data, truth.data);
@@ -535,10 +536,10 @@ TEST(Shutter, CausticsAtViewSamplesTakeTurns) {
   const ScenePtr scene = m.finish();
   const auto engine = makeEngine();
   const auto picture = [&](int slices) {
-    v1::RenderRequest r = request({"lights.lamp.kind=SPOT", "lights.lamp.position=0,1.5,0", "lights.lamp.direction=0,-1,0", "lights.lamp.intensity=40",
-                                   "integrator.at_view_samples=true", "view_samples=4", "integrator.max_bounces=4",
-                                   "integrator.caustic_radius=0.004", "outputs=beauty"},
-                                  16, "by hand", 24, 18);
+    v1::RenderRequest r =
+        request({"lights.lamp.kind=SPOT", "lights.lamp.position=0,1.5,0", "lights.lamp.direction=0,-1,0", "lights.lamp.intensity=40",
+                 "integrator.at_view_samples=true", "view_samples=4", "integrator.max_bounces=4", "integrator.caustic_radius=0.004", "outputs=beauty"},
+                16, "by hand", 24, 18);
     r.mutable_integrator()->set_caustic_photons(uint32_t(800'000 / std::max(slices, 1)));
     if (slices > 0) {
       set(r, "camera.shutter_s=1");
@@ -550,7 +551,8 @@ TEST(Shutter, CausticsAtViewSamplesTakeTurns) {
   };
   const Image still = picture(0);
   const double turns = rmsBetween(picture(4).data, still.data), one = rmsBetween(picture(16).data, still.data);
-  std::printf("mean %.3f; apart from the still one: 4 slices %.4f, 16 slices %.4f\n", std::accumulate(still.data.begin(), still.data.end(), 0.0) / double(still.data.size()), turns, one);
+  std::printf("mean %.3f; apart from the still one: 4 slices %.4f, 16 slices %.4f\n",
+              std::accumulate(still.data.begin(), still.data.end(), 0.0) / double(still.data.size()), turns, one);
   EXPECT_GT(turns, 0);
   EXPECT_LT(one, 3 * turns) << "slices of four samples have all four view samples each";
 }

@@ -313,7 +313,8 @@ TEST_F(Files, TreesHaveTheNamesAndGoWithTheirLastUser) {
   auto same = store->tree("", files, "open.files");
   EXPECT_EQ((*same)->folder(), (*tree)->folder());
   for (const auto& [name, digest] : files) EXPECT_TRUE(fs::exists((*tree)->path(name))) << name;
-  const Status said = withoutFolder(Status(Code::DataLoss, "in " + (*tree)->path("a.bin") + " and " + (*tree)->path("b"), (*tree)->path("scene.gltf") + "#/x"), (*tree)->folder());
+  const Status said = withoutFolder(Status(Code::DataLoss, "in " + (*tree)->path("a.bin") + " and " + (*tree)->path("b"), (*tree)->path("scene.gltf") + "#/x"),
+                                    (*tree)->folder());
   EXPECT_EQ(said.toString(), Status(Code::DataLoss, "in a.bin and b", "scene.gltf#/x").toString());
   const std::string folder = (*tree)->folder();
   tree->reset();
