@@ -87,7 +87,7 @@ class FilePut {
 
 class FileStore : public std::enable_shared_from_this<FileStore> {
  public:
-  /// Errors: FailedPrecondition when the folder is not this user's own (base/own_folder.h) or another daemon has it; what making it says.
+  /// Errors: FailedPrecondition when the folder is not this user's own (base/own_folder.h); Unavailable when another daemon has it; what making it says.
   static Result<std::shared_ptr<FileStore>> open(const FileStoreOptions& options);
 
   /// Bytes that are there of the owner's file of so many bytes: all of them, or where a put may go on. A file of another size is none.

@@ -30,8 +30,7 @@ std::shared_ptr<DisplayTransforms> displayTransforms(const ServerConfig& config)
 class Server {
  public:
   /// `config` has passed checkConfig. `sockets` false: in-process channels only.
-  /// Errors: FailedPrecondition when a live daemon holds the Unix socket or the path is no socket; Unavailable when an
-  /// address cannot be bound; the engine's own.
+  /// Errors: Unavailable when a live daemon holds the Unix socket, the path is no socket or an address cannot be bound; the engine's own.
   static Result<std::unique_ptr<Server>> start(const ServerConfig& config, const EngineOptions& options, bool sockets);
   ~Server();
 

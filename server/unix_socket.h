@@ -14,7 +14,7 @@ inline namespace server {
 class SocketLock {
  public:
   /// `patience`: a server that was just killed holds it until the system has taken its memory back.
-  /// Errors: FailedPrecondition when another server holds it for longer than that; Unavailable when the file cannot be made.
+  /// Errors: Unavailable when another server holds it for longer than that, or the file cannot be made.
   static Result<SocketLock> take(const std::string& socketPath, std::chrono::milliseconds patience = std::chrono::seconds(4));
   SocketLock(SocketLock&& other) noexcept;
   SocketLock& operator=(SocketLock&& other) noexcept;

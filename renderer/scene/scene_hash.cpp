@@ -108,10 +108,6 @@ void Scene::computeDigests() {
     }
     Hasher power("light-power");
     addVector(power, light.power);
-    if (light.intensity >= 0.0f) {  // edits go by them
-      addVector(power, light.color);
-      power.add(light.intensity);
-    }
     lightPower_[k] = power.digest();
     shapes.add(lightShape_[k]);
     powers.add(lightPower_[k]);
@@ -144,6 +140,12 @@ void Scene::computeDigests() {
   set(Facet::Cameras, views);
   Hasher root("scene");
   for (const Hash128& f : facet_) root.add(f);
+  // No node reads them, but edits go by them. White lights, and those of which nothing is known, have none but what their power says.
+  for (size_t k = 0; k < lights.size(); ++k) {
+    if (lights[k].intensity < 0.0f || lights[k].color == Vec3(1.0f)) continue;
+    addVector(root, lights[k].color);
+    root.add(uint64_t(k)).add(lights[k].intensity);
+  }
   root.add(names.digest()).add(rig ? rig->content : Hash128{});
   Hasher choices("variants");
   for (const std::string& n : variants.names) choices.add(n);

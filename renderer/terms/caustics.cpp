@@ -98,8 +98,8 @@ class CausticsNode final : public Node {
               if (samples[p] != samplesOf(pass)) continue;  // an interrupted pass: this pixel has it already
               if (ctx.stop.stopRequested()) break;
               uint64_t lost = 0;
-              const uint32_t first = sharedFirst(now.block * kBlockSamples + now.first, now.count, share_);
-              tracer->traceSamples(place_.x + x, place_.y + int(row), {0, first, now.count}, *map, sum.data() + p * perPixel, rays, lost);
+              const uint32_t own = now.block * kBlockSamples + now.first, turn = sharedFirst(own, now.count, share_) - own;
+              tracer->traceSamples(place_.x + x, place_.y + int(row), {0, own, now.count}, *map, sum.data() + p * perPixel, rays, lost, turn);
               dropped.add(p, lost);
               samples[p] += now.count;
             }

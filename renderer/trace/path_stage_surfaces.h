@@ -45,7 +45,8 @@ inline void PathChunk<Sink>::scatterAtSurfaces() {
       }
       if (s.material->dispersion > 0.0f) {  // one channel goes on, for all three; stratified over the samples of a pixel
         if (media.hero[i] < 0) {
-          media.hero[i] = int8_t((who.film[i] + set.turnShift(i, who.film[i], 3) + hash64(set.seed(i), 0x64697370u) % 3) % 3);
+          media.hero[i] = int8_t(
+              (who.film[i] + channelTurn(who.film[i], m.viewSamples.size()) + set.turnShift(i, who.film[i], 3) + hash64(set.seed(i), 0x64697370u) % 3) % 3);
           Vec3 one(0.0f);
           one[media.hero[i]] = 3.0f * paths.throughput.get(i)[media.hero[i]];
           paths.throughput.set(i, one);

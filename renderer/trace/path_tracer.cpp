@@ -17,7 +17,8 @@ void PathTracerSettings::hash(Hasher& h) const {
   h.add(width).add(height).add(viewSamples).add(maxBounces).add(rouletteStart).add(blockSize).add(seed).add(behindOnly).add(unlit);
   h.add(cover).add(split).add(selection).add(groups).addArray(groupOf).add(uint64_t(nominal.size()));
   for (const Vec3& n : nominal) h.add(n.x).add(n.y).add(n.z);
-  if (sampler != SamplerKind::Sobol) h.add("sampler").add(sampler);  // terms of before there was a choice keep their keys
+  if (sampler != SamplerKind::Sobol) h.add("sampler").add(sampler);                        // terms of before there was a choice keep their keys
+  if (viewSamples > 0 && viewSamples % 3 == 0) h.add("channels take turns of their own");  // those of before are of channels tied to view samples
 }
 
 int slotsPerGroup(SplitMode split, int maxBounces) {

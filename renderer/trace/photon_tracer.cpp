@@ -104,7 +104,7 @@ struct CausticTracer::Impl {
   const PathTracer::Impl& path() const { return tracer->impl(); }
   bool next(Walker& w, uint64_t& rays) const;  ///< Walker::fromCamera: through what the camera passes
   void photon(const Source& source, uint32_t index, uint32_t pass, std::vector<Photon>& out, uint64_t& rays) const;
-  void sample(int x, int y, uint64_t seed, uint32_t index, const PhotonMap& map, double* out, uint64_t& rays) const;
+  void sample(int x, int y, uint64_t seed, uint32_t index, uint32_t turn, const PhotonMap& map, double* out, uint64_t& rays) const;
   bool scatter(Walker& w, uint64_t key, uint64_t& rays) const;
   void gather(const Walker& w, const Surface& s, const Frame& frame, const BsdfView& view, const PhotonMap& map, double* out) const;
 };
@@ -297,16 +297,16 @@ bool CausticTracer::Impl::scatter(Walker& w, uint64_t key, uint64_t& rays) const
   return true;
 }
 
-void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, const PhotonMap& map, double* out, uint64_t& rays) const {
+void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, uint32_t turn, const PhotonMap& map, double* out, uint64_t& rays) const {
   const PathTracer::Impl& m = path();
   SobolSampler draw(seed, index);
   Vec2 film = draw.next2D();
-  if (!m.viewSamples.empty()) film = m.viewSamples[index % m.viewSamples.size()];
+  if (!m.viewSamples.empty()) film = m.viewSamples[(index + turn) % m.viewSamples.size()];
   const float fx = float(x) + film.x, fy = float(y) + film.y;
   Walker w;
   Vec3 o, d;
   Vec2 onLens(0.0f);
-  if (m.lens) onLens = m.viewSamples.empty() ? concentricDisk(SobolSampler(hash64(seed, 0x6c656e73u), index).next2D()) : m.lensOfViewSample(x, y, index);
+  if (m.lens) onLens = m.viewSamples.empty() ? concentricDisk(SobolSampler(hash64(seed, 0x6c656e73u), index).next2D()) : m.lensOfViewSample(x, y, index + turn);
   m.startAtFilm(fx, fy, onLens, o, d, w.reach);
   w.start(m.surfaces.interiors(), m.cameraMedia, o, d);
   w.fromCamera = true;
@@ -319,7 +319,7 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
     Surface s;
     m.surfaces.interact(w.hit.instance, w.hit.primitive, w.hit.u, w.hit.v, w.hit.Ng, w.direction, s);
     if (s.material->unlit) return;
-    if (w.boundary(s, index + hash64(seed, 0x64697370u) % 3)) continue;
+    if (w.boundary(s, index + channelTurn(index, m.viewSamples.size()) + hash64(seed, 0x64697370u) % 3)) continue;
     const Frame frame = s.frame();
     const Vec3 wo = frame.toLocal(-w.direction);
     const BsdfView view(s.bsdf, wo);
@@ -359,7 +359,8 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
   }
 }
 
-void CausticTracer::traceSamples(int x, int y, const SampleRun& run, const PhotonMap& map, double* out, uint64_t& rays, uint64_t& dropped) const {
+void CausticTracer::traceSamples(int x, int y, const SampleRun& run, const PhotonMap& map, double* out, uint64_t& rays, uint64_t& dropped,
+                                 uint32_t turn) const {
   const Impl& m = *impl_;
   if (map.size() == 0) return;
   const PathTracerSettings& s = m.settings.path;
@@ -369,7 +370,7 @@ void CausticTracer::traceSamples(int x, int y, const SampleRun& run, const Photo
   std::vector<double> one(n);
   for (uint32_t i = 0; i < run.count; ++i) {
     std::fill(one.begin(), one.end(), 0.0);
-    m.sample(x, y, seed, run.first + i, map, one.data(), rays);
+    m.sample(x, y, seed, run.first + i, turn, map, one.data(), rays);
     bool finite = true;
     for (double v : one) finite = finite && std::isfinite(v);
     if (!finite) {

@@ -46,8 +46,8 @@ class CausticTracer {
   /// Photons of one pass; null if `stop` fired. Adds the rays to `rays`.
   std::shared_ptr<const PhotonMap> emitPass(uint32_t pass, const TaskArena& arena, uint64_t& rays, const StopToken& stop = {}) const;
   /// Adds the SUM over camera samples of pixel (x, y) to out[slot*3 + channel], of any number of them; `map` is that of their pass of photons. Never adds
-  /// a non-finite value: such samples count as zero and in `dropped`.
-  void traceSamples(int x, int y, const SampleRun& run, const PhotonMap& map, double* out, uint64_t& rays, uint64_t& dropped) const;
+  /// a non-finite value: such samples count as zero and in `dropped`. `turn`: of how many more samples of the pixel the view samples have had their turns.
+  void traceSamples(int x, int y, const SampleRun& run, const PhotonMap& map, double* out, uint64_t& rays, uint64_t& dropped, uint32_t turn = 0) const;
   struct Impl;
 
  private:

@@ -16,5 +16,9 @@ Vec2 viewSamplePosition(int s, int S);
 /// that blurred things are noisy, not ghosts of S lenses).
 Vec2 viewSampleLens(int s, int S, uint64_t pixel);
 
+/// What a sample's number is to be raised by where its colour channel is the number modulo 3 and its view sample the number modulo `viewSamples` (0: none):
+/// with 3, 6, 9 of them each would only ever be seen in one channel.
+constexpr uint64_t channelTurn(uint64_t sample, uint64_t viewSamples) { return viewSamples > 0 && viewSamples % 3 == 0 ? sample / viewSamples : 0; }
+
 }  // namespace trace
 }  // namespace gobo

@@ -596,6 +596,7 @@ struct Door::Impl {
       grpc::Status admitted = impl.admit(connection);
       const std::string path = url;
       if (impl.gltf && path == kGltfPath && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
+        if (admitted.ok()) admitted = impl.checkSecret(connection);
         if (admitted.ok()) admitted = checkQuery(connection, {"request"});
         if (!admitted.ok()) return impl.plain(connection, admitted);
         try {
@@ -608,7 +609,10 @@ struct Door::Impl {
       if (admitted.ok() && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
         try {
           const bool blob = path.rfind(kBlobsPath, 0) == 0;
-          admitted = blob ? checkQuery(connection, {"bytes", "offset"}) : checkQuery(connection, {});
+          if (blob || takesPosts(path)) {  // any other: post() says that there is nothing
+            admitted = impl.checkSecret(connection);
+            if (admitted.ok()) admitted = blob ? checkQuery(connection, {"bytes", "offset"}) : checkQuery(connection, {});
+          }
           if (admitted.ok() && blob) admitted = impl.beginPut(connection, path.substr(kBlobsPath.size()), *exchange);
           else if (admitted.ok()) impl.beginBody(connection, *exchange);
         } catch (const std::exception& e) { admitted = {grpc::StatusCode::INTERNAL, std::string("exception in the door: ") + e.what()}; }

@@ -53,7 +53,7 @@ Result<std::unique_ptr<FarmWorker>> FarmWorker::start(Engine& engine, JobRunner&
   }
   bool alone = false;
   GOBO_TRY(self->files_.open(folder, alone));
-  if (!alone) return Status(Code::FailedPrecondition, "another worker uses the folder (farm.folder)", folder);
+  if (!alone) return Status(Code::Unavailable, "another worker uses the folder (farm.folder)", folder);
   self->files_.removeAllOnTheirWay();  // of a killed one: the coordinator has what was reported
   self->files_.opened();
   self->tasks_ = std::make_unique<RemoteTasks>(self->link_, self->files_, self->hub_);

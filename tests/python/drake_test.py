@@ -211,7 +211,9 @@ class Pictures(Shared):
         for address, words in (("/render?requets={}", "'requets' is not known here; did you mean 'request'?"), ("/render?request={}&spp=3", "'spp' is not known"),
                                ("/render?request={}&request={}", "'request' stands in it twice")):
             self.assertIn(words, self.refused(scene, path=address, **SMALL))
-        self.assertIn("nothing to POST to", post(self.port, scene, path="/rendr", **SMALL)[2].decode())
+        for address in ("/rendr", "/rendr?request={}"):
+            status, _, body = post(self.port, scene, path=address, **SMALL)
+            self.assertEqual((status, b"nothing to POST to" in body), (404, True))
 
     def test_where_the_daemon_keeps_a_scene_is_not_said(self):
         for scene in (b'{"asset": {"version": "2.0"}, "meshes": 3}', b'{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4, "uri": "none.bin"}]}', b"{"):

@@ -38,6 +38,9 @@ class Fields(unittest.TestCase):
         self.refuses("did you mean 'intensity'?", lights={"key": {"intensty": 3}})
         self.refuses("no fields of its own", set={"width.x": 3})
         self.refuses("no field 'w' in Vector3", lights={"key": {"gain": {"w": 1}}})
+        self.assertEqual(self.refuses("is not UTF-8", camera="a\udcff"), "camera.name")
+        self.assertEqual(self.refuses("is not UTF-8", env="a\udcff.hdr"), "environment.path")
+        self.assertEqual(self.refuses("is not UTF-8", lights={"a\udcff": 2}), "lights")
 
     def test_values(self):
         self.assertEqual(self.refuses("whole number", width=1.5), "width")

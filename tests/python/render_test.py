@@ -198,6 +198,10 @@ class Render(DaemonTest):
         self.cli("render", "cornell", *CLI_SMALL, "-o", "c.png")
         with open(r.save(self.path("d.png")), "rb") as mine, open(self.path("c.png"), "rb") as theirs:
             self.assertEqual(mine.read(), theirs.read())
+        for name in ("g.npy", "g.exr", "g.png"):
+            with self.assertRaises(FileNotFoundError) as caught:
+                r.save(self.path("none", name), "depth" if name == "g.npy" else "beauty")
+            self.assertEqual(caught.exception.filename, self.path("none", name))
         with self.assertRaises(gobo.InvalidArgument):
             r.save(self.path("e.tiff"))
         with self.assertRaises(gobo.InvalidArgument):

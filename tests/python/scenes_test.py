@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scenes: open, upload, pack, list, inspect, patch, unload, against a gobod that may open nothing by itself."""
+import os
 import unittest
 
 import numpy as np
@@ -51,6 +52,19 @@ class Scenes(DaemonTest):
             self.assertEqual(refused.exception.field, "camera.name")
         for name in names:
             self.client.scenes.unload(name)
+
+    def test_a_folder_whose_name_is_not_utf8(self):
+        folder = os.path.join(os.fsencode(self.folder), b"d\xff")
+        os.mkdir(folder)
+        data = glb.pack(gltf(self.folder))
+        for name in (b"s.glb", b"n\xff.glb"):
+            with open(os.path.join(folder, name), "wb") as file:
+                file.write(data)
+        self.assertEqual(self.client.scenes.open(os.fsdecode(os.path.join(folder, b"s.glb"))).triangles, 1)
+        with self.assertRaisesRegex(gobo.InvalidArgument, "source = .*is not UTF-8"):
+            self.client.scenes.open(os.fsdecode(os.path.join(folder, b"n\xff.glb")))
+        with self.assertRaisesRegex(gobo.InvalidArgument, "is not UTF-8"):
+            self.client.scenes.open("cornell", "a\udcff")
 
     def test_inspect(self):
         scene = self.client.scenes.open(gltf(self.folder), "named")

@@ -4,13 +4,14 @@ several parts. Elsewhere a page of numpy does: single-part scan lines, no or ZIP
 names one: "openimageio", "numpy". What is written is float, ZIP, by numpy, so that equal pictures are equal files: OpenImageIO adds the time of day."""
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import struct
 import tempfile
 import threading
 import zlib
-from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, TypeVar
+from typing import Any, BinaryIO, Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, TypeVar
 
 import numpy as np
 
@@ -54,20 +55,30 @@ def _library() -> Any:
     return _chosen[1]
 
 
-def write_atomic(path: str, data: bytes) -> None:
-    """A file that is there is whole: written beside its place, then renamed."""
-    folder = os.path.dirname(os.path.abspath(path))
-    handle, temporary = tempfile.mkstemp(prefix=".gobo-", dir=folder)
+@contextlib.contextmanager
+def whole(path: str) -> Iterator[BinaryIO]:
+    """A file to write that is there once it is whole: beside its place first, then renamed. OSErrors name `path`."""
+    temporary = None
     try:
+        handle, temporary = tempfile.mkstemp(prefix=".gobo-", dir=os.path.dirname(os.path.abspath(path)))
         with os.fdopen(handle, "wb") as file:
-            file.write(data)
+            yield file
         mask = os.umask(0)
         os.umask(mask)
         os.chmod(temporary, 0o666 & ~mask)
         os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
+    except BaseException as error:
+        if temporary is not None:
+            os.unlink(temporary)
+        if isinstance(error, OSError) and error.errno:
+            error.filename, error.filename2 = path, None   # a full disk names none
         raise
+
+
+def write_atomic(path: str, data: bytes) -> None:
+    """`whole` of the bytes."""
+    with whole(path) as file:
+        file.write(data)
 
 
 def _squeeze(raw: bytes) -> bytes:

@@ -161,7 +161,7 @@ class Builder:
             raise _fail(where, value, "must be a mapping by name")
         entries = getattr(message, field.name)
         for key, entry in value.items():
-            path = f"{where}.{key}"
+            path = f"{where}.{utf8(key, where) if isinstance(key, str) else key}"
             if entry is None:
                 entries.pop(key, None)
                 self.cleared.append(path)
@@ -265,6 +265,15 @@ def _vector(field: FieldDescriptor, value: Any, where: str) -> Tuple[float, floa
     return x, y, z
 
 
+def utf8(text: str, where: str) -> str:
+    """The text, if a message can hold it: names of files that are not UTF-8 come with surrogates."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise InvalidArgument(f"{where} = {text!r}: is not UTF-8", field=where, value=ascii(text)) from None
+    return text
+
+
 def _scalar(field: FieldDescriptor, value: Any, where: str) -> Any:
     kind = field.cpp_type
     if kind == FieldDescriptor.CPPTYPE_ENUM:
@@ -281,7 +290,7 @@ def _scalar(field: FieldDescriptor, value: Any, where: str) -> Any:
         if field.type == FieldDescriptor.TYPE_BYTES:
             return bytes(value)
         if isinstance(value, (str, os.PathLike)):
-            return os.fspath(value)
+            return utf8(os.fspath(value), where)
         raise _fail(where, value, "must be text")
     if kind == FieldDescriptor.CPPTYPE_BOOL:
         if isinstance(value, bool) or type(value).__name__ == "bool_":

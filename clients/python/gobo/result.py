@@ -198,10 +198,10 @@ class Result:
         elif kind == ".exr":
             exr.write(path, self._planes(chosen), self._header(chosen))
         elif kind == ".npz":
-            with _Whole(path) as temporary, open(temporary, "wb") as file:   # by a name numpy would add the extension that it knows
+            with exr.whole(path) as file:   # by a name numpy would add the extension that it knows
                 np.savez(file, **{n.replace(":", "_"): self.outputs[n] for n in chosen})
         elif kind == ".npy":
-            with _Whole(path) as temporary, open(temporary, "wb") as file:
+            with exr.whole(path) as file:
                 np.save(file, self.outputs[chosen[0]])
         elif kind == ".raw":
             exr.write_atomic(path, self.outputs[chosen[0]].astype("<f4").tobytes())
@@ -240,21 +240,3 @@ class Result:
         shapes = ", ".join(f"{n} {'x'.join(map(str, a.shape))}" for n, a in self.outputs.items()) or ", ".join(self.encoded)
         error = f", RMSE {self.certificate.rmse:.3g}" if self.certificate else ""
         return f"<gobo.Result {self.render_id}{'' if self.final else ' (snapshot)'}: {shapes}; {self.total_ms:.1f} ms, {self.rays} rays{error}>"
-
-
-class _Whole:
-    """A temporary name beside `path` with the same extension, renamed on success."""
-
-    def __init__(self, path: str) -> None:
-        self._path = path
-        folder, name = os.path.split(os.path.abspath(path))
-        self._temporary = os.path.join(folder, f".gobo-{os.getpid()}-{id(self):x}-{name}")
-
-    def __enter__(self) -> str:
-        return self._temporary
-
-    def __exit__(self, kind: Any, *_: Any) -> None:
-        if kind is None:
-            os.replace(self._temporary, self._path)
-        elif os.path.exists(self._temporary):
-            os.unlink(self._temporary)

@@ -12,7 +12,7 @@ import numpy as np
 from . import errors, glb
 from .blobs import Blob, Blobs, blob, files_of
 from .cancellation import Cancellation, current, scope
-from .fields import Builder, Light
+from .fields import Builder, Light, utf8
 from .v1 import service_pb2, service_pb2_grpc
 from .wire import Wire
 
@@ -75,7 +75,13 @@ class Scenes:
         file = os.path.isfile(text)
         if not file and text.lower().endswith((".glb", ".gltf")) and not os.path.isabs(text):
             raise errors.NotFound(f'"{text}": no such file')
-        request = service_pb2.OpenSceneRequest(source=os.path.abspath(text) if file else text, name=name)
+        try:
+            place = utf8(os.path.abspath(text) if file else text, "source")
+        except errors.InvalidArgument:
+            if not file:
+                raise
+            return self.upload(text, utf8(name, "name"), timeout=timeout)   # its folder's name fits into no message
+        request = service_pb2.OpenSceneRequest(source=place, name=utf8(name, "name"))
         try:
             return _scene(self._wire.unary(self._stub.Open, request, timeout))
         except (errors.PermissionDenied, errors.NotFound):
@@ -94,7 +100,7 @@ class Scenes:
                 own = "scene" + (extension or ".glb")
                 files: Dict[str, Blob] = {own: blob(source)}
             else:
-                own = os.path.basename(os.fspath(source))
+                own = utf8(os.path.basename(os.fspath(source)), "source")
                 files = files_of(source, self._limit)
             return self._open_files(own, files, name, timeout)
         except errors.Unimplemented:   # a server of before Blobs

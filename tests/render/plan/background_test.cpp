@@ -180,6 +180,11 @@ TEST(Background, APngHasStraightAlphaAndShowsLampsInFrontOfNothing) {
     EXPECT_EQ(shown.data[3], 0.5f);
     EXPECT_NEAR(shown.data[2], std::min(0.8f * std::exp2(float(stops)), 1.0f), 1e-5f);
   }
+  Image lamp(3, 1, 4);  // behind an edge: what the edge lets by is seen as the rest of it is
+  lamp.data = {2.0f, 2.0f, 2.0f, 0.0f, 1.5f, 1.5f, 1.5f, 0.25f, 0.1f, 0.1f, 0.1f, 1.0f};
+  linear.set_exposure(0);
+  const Image rim = toneMapped(lamp, linear);
+  for (const size_t p : {0, 1, 2}) EXPECT_EQ(rim.data[4 * p + 3], 1.0f) << p;
   for (const auto curve : {v1::ToneMap::REINHARD, v1::ToneMap::FILMIC, v1::ToneMap::ACES, v1::ToneMap::PBR_NEUTRAL}) {
     v1::ToneMap t;
     t.set_curve(curve);

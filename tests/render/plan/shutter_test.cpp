@@ -554,7 +554,7 @@ TEST(Shutter, CausticsAtViewSamplesTakeTurns) {
   std::printf("mean %.3f; apart from the still one: 4 slices %.4f, 16 slices %.4f\n",
               std::accumulate(still.data.begin(), still.data.end(), 0.0) / double(still.data.size()), turns, one);
   EXPECT_GT(turns, 0);
-  EXPECT_LT(one, 3 * turns) << "slices of four samples have all four view samples each";
+  EXPECT_LT(one, 3 * turns) << "four samples a slice are even between them";
 }
 
 TEST(Shutter, WhatRestsIsDenoisedAsAMoment) {

@@ -183,6 +183,30 @@ TEST(Samplers, OneSequenceConvergesWithViewSamplesAndDispersion) {
   }
 }
 
+/// Channels and view samples take turns; where 3 divides the number of view samples each of these must be seen in every channel all the same.
+TEST(Samplers, ChannelsAreNotTiedToViewSamples) {
+  for (const int viewSamples : {3, 4, 9}) {
+    Traced t(glassAndFog(), 1, 1);
+    t.settings.viewSamples = viewSamples;
+    t.settings.maxBounces = 5;
+    t.settings.blockSize = 64 * viewSamples;
+    DVec3 means[6], all(0.0);
+    for (uint64_t seed = 0; seed < 6; ++seed) {  // which channel begins is the seed's
+      t.settings.seed = seed;
+      DVec3 sum(0.0);
+      uint64_t rays = 0, dropped = 0;
+      const uint32_t blocks = uint32_t(200 / viewSamples);
+      for (uint32_t b = 0; b < blocks; ++b) t.tracer()->traceBlock(0, 0, b, &sum.x, rays, dropped);
+      means[seed] = sum / (double(blocks) * t.settings.blockSize);
+      all += means[seed] / 6.0;
+    }
+    double squares = 0;
+    for (const DVec3& mean : means) squares += glm::dot(mean / all - 1.0, mean / all - 1.0) / 18;
+    std::printf("  %d view samples: seeds are apart by %.4f of the mean\n", viewSamples, std::sqrt(squares));
+    EXPECT_LT(std::sqrt(squares), 0.03) << viewSamples;
+  }
+}
+
 /// Samples are numbered through: blocks of any size are parts of one sequence.
 TEST(Samplers, BlocksOfAnySizeArePartsOfOneSequence) {
   for (const int viewSamples : {0, 3})
