@@ -7,7 +7,7 @@
 // hit, and something where it asks for a light.
 // Occlusion is never asked for as coherent: built by GCC for AVX-512, Embree's way of doing so (3.13.5 of Debian 12 and others until the end of 2025,
 // RenderKit/embree#574) writes the 16 bits of a mask and reads 64, so that what lay on the stack decides whether it ever ends. The bits are the same without,
-// and so is the time (0.97 to 1.08 of it: atrium, sponza, trees, lights8, with AVX-512 and with AVX2).
+// and so is the time (0.95 to 1.11 of it by two or three runs each: atrium, sponza, trees, lights8, with AVX-512 and with AVX2).
 #pragma once
 
 #include <limits>
