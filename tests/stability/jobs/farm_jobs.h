@@ -81,7 +81,11 @@ class FarmJobs {
       v1::GetJobRequest g;
       g.set_id(id);
       v1::Job job;
-      ASSERT_TRUE(ask(*daemons[size_t(i) % daemons.size()], &v1::Jobs::Stub::Get, g, job));
+      // Whom it asks may have been killed a moment ago, on a machine that is faster than the daemon's start.
+      bool there = false;
+      for (int k = 0; k < 300 && !there; ++k)
+        if (!(there = ask(*daemons[size_t(i) % daemons.size()], &v1::Jobs::Stub::Get, g, job))) rest(0.1);
+      ASSERT_TRUE(there) << job.id();
       EXPECT_EQ(job.state(), v1::Job::DONE) << job.ShortDebugString();
       EXPECT_EQ(job.frames_done(), 3u);
       const auto whole = engine->render(spec(i).request());
